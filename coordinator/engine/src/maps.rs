@@ -120,7 +120,7 @@ impl Maps {
         record: &CampaignRecord,
         known: &'a mut Option<Known>,
     ) -> Result<&'a mut Known, SpaceError> {
-        let of = (record.archive_version(), record.individuals());
+        let of = (record.archive_version(), record.sampled());
         let current = match known.take() {
             Some(current) if current.of == of => current,
             former => {

@@ -17,7 +17,7 @@ impl From<CampaignStatus> for v1::Campaign {
         let (generations, dataset_done) = (record.generations(), record.dataset_done());
         let (evaluated, evaluations) = (record.individuals(), record.evaluations());
         // A campaign whose method has no novelty stores a novelty of 0.
-        let measures_novelty = record.spec.method().has_novelty();
+        let measures_novelty = record.spec.has_novelty();
         let last_novelty = record.last_novelty.filter(|_| measures_novelty);
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
         let digest = |checkpoint: Option<CheckpointDigest>| {

@@ -15,10 +15,10 @@ const MOST_BYTES: usize = 128 << 20;
 /// Number of individuals that are read from the store at a time.
 const CHUNK: u64 = 4096;
 
-/// The behaviours of an archive, all in one space.
+/// The behaviours of an archive or of its sample, all in one space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Space {
-    /// One behaviour per individual, by index.
+    /// One behaviour per individual, by index; with a sample, one per individual of the sample.
     pub behaviours: Behaviours,
     /// The scale of `behaviours`, which also maps behaviours from elsewhere into the space.
     pub scale: Scale,
@@ -49,7 +49,7 @@ impl Space {
             || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.archive_version()) };
         let mut before = archive_version()?;
         loop {
-            let len = record.individuals();
+            let len = record.sampled();
             // The scale is computed from the first generation, so it is known once there is an individual.
             let begun = known.filter(|known| {
                 known.archive_version == before
@@ -105,7 +105,7 @@ impl Spaces {
         let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is = |space: &Arc<Space>| {
             space.archive_version == record.archive_version()
-                && space.behaviours.len() as u64 == record.individuals()
+                && space.behaviours.len() as u64 == record.sampled()
         };
         if let Some(space) = known.as_ref().filter(|space| is(space)) {
             return Ok(Arc::clone(space));
@@ -125,7 +125,7 @@ fn behaviours(
     known: Behaviours,
 ) -> Result<Behaviours, SpaceError> {
     let mut behaviours = known;
-    let (begun, len) = (behaviours.len() as u64, record.individuals());
+    let (begun, len) = (behaviours.len() as u64, record.sampled());
     for start in (begun..len).step_by(CHUNK as usize) {
         let range = start..len.min(start + CHUNK);
         for individual in store.individuals(&record.id, record.spec.model(), range, false)? {

@@ -19,7 +19,7 @@ use murmuration_proto::v1;
 use murmuration_report::atlas::{self, Atlas, AtlasEntry, Layout, Tiles};
 use murmuration_search::filter::Score;
 use murmuration_service::report_data;
-use murmuration_swarm::{CampaignSpec, Controller, Enumeration, Invalid, counted};
+use murmuration_swarm::{CampaignSpec, Controller, Invalid, counted};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -226,7 +226,7 @@ async fn gather(
     };
     let mut chunks = connection.client.get_archive(request).await?.into_inner();
     let mut tiles = layout.map(|layout| Tiles::new(layout, spec.image().shape()));
-    let listed = Enumeration::of(spec.controllers(), spec.world());
+    let listed = spec.enumeration();
     let mut entries = Vec::new();
     while let Some(chunk) = chunks.message().await? {
         for individual in chunk.individuals {

@@ -175,4 +175,11 @@ impl CampaignRecord {
     pub fn individuals(&self) -> u64 {
         u64::from(self.generations_done) * u64::from(self.spec.search().population())
     }
+
+    /// Number of individuals that taxonomy, map and report cover, the first of the archive, see [`CampaignSpec::sample`]; of all
+    /// individuals without a sample.
+    pub fn sampled(&self) -> u64 {
+        let most = self.spec.sample().map_or(u64::MAX, u64::from);
+        self.individuals().min(most)
+    }
 }

@@ -29,6 +29,7 @@ mod sample;
 pub use document::Document;
 pub use judged::{Judged, Shown, found};
 pub use names::{CarriedName, Names};
+pub use numbers::sample_in_words;
 pub use pictured::{PictureSheets, Pictured};
 pub use plots::condensed;
 
@@ -81,6 +82,11 @@ impl Report {
     /// Number of values in an embedding; 0 if the archive has no embeddings.
     fn embedding_dimensions(&self) -> usize {
         self.individuals.first().map_or(0, |entry| entry.embedding.len())
+    }
+
+    /// Number of evaluated controllers. The taxonomy and the report cover fewer if the campaign has a sample.
+    fn evaluated(&self) -> u64 {
+        self.generations.len() as u64 * u64::from(self.spec.search().population())
     }
 
     /// Mean robustness of the individuals of a cluster; `None` if individuals have one trial.

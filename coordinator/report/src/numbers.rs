@@ -1,5 +1,6 @@
 //! Formats numbers for people.
 
+use murmuration_swarm::CampaignSpec;
 pub(super) use murmuration_swarm::{counted, grouped};
 
 /// A number with about three significant digits: `0.0123`, `1.23`, `1,235`.
@@ -22,6 +23,18 @@ pub(super) fn percent(part: u64, whole: u64) -> String {
         0 => "0 %".to_owned(),
         _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),
     }
+}
+
+/// Sentence about the individuals that a taxonomy covers; `None` if it covers all.
+pub fn sample_in_words(spec: &CampaignSpec) -> Option<String> {
+    let sample = spec.sample()?;
+    // Two standard errors of a share of one half, the share with the largest error.
+    let error = 100.0 / f64::from(sample).sqrt();
+    Some(format!(
+        "The taxonomy covers the first {} individuals, an even sample of the controllers: a share of all individuals differs from \
+         the share shown by at most {error:.1} percentage points, with 95 % confidence.",
+        grouped(sample.into())
+    ))
 }
 
 #[cfg(test)]

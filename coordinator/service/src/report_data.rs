@@ -169,7 +169,8 @@ pub async fn report<C: Transport>(
     let generations = whole(generations.into_inner()).await?;
     let mut sheets = PictureSheets::of(taxonomy.clusters.len(), spec.image().shape());
     let wanted = (pictures == PicturesOf::Individuals).then_some(&mut sheets);
-    let mut individuals = read_archive(client, campaign, spec.model(), wanted).await?;
+    let most = taxonomy.clusters.len();
+    let mut individuals = read_archive(client, campaign, spec.model(), most, wanted).await?;
     let starts = spec.starts().get() as f64;
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
@@ -295,15 +296,16 @@ pub async fn archive<C: Transport>(
     campaign: &str,
     model: &CapabilityModel,
 ) -> Result<Vec<Entry>, ReportDataError> {
-    read_archive(client, campaign, model, None).await
+    read_archive(client, campaign, model, usize::MAX, None).await
 }
 
-/// The archive of a campaign. `sheets`, if given, get the archive's pictures; the pictures of one part are dropped before the
-/// next part is read.
+/// The first `most` individuals of a campaign's archive, or all. `sheets`, if given, get their pictures; the pictures of one part
+/// are dropped before the next part is read.
 async fn read_archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: &CapabilityModel,
+    most: usize,
     mut sheets: Option<&mut PictureSheets>,
 ) -> Result<Vec<Entry>, ReportDataError> {
     let request = v1::GetArchiveRequest {
@@ -313,12 +315,15 @@ async fn read_archive<C: Transport>(
     let mut chunks = client.get_archive(request).await?.into_inner();
     let mut entries = Vec::new();
     while let Some(chunk) = chunks.message().await? {
-        for individual in chunk.individuals {
+        for individual in chunk.individuals.into_iter().take(most - entries.len()) {
             let index = entries.len() as u64;
             entries.push(entry(&individual, model)?);
             if let Some((sheets, image)) = sheets.as_mut().zip(individual.image.as_ref()) {
                 sheets.add(index, image)?;
             }
+        }
+        if entries.len() == most {
+            break;
         }
     }
     Ok(entries)

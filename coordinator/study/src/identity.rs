@@ -64,7 +64,7 @@ pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSp
     });
     message.taxonomy = Some(v1::TaxonomyFormat {
         medoids: Some(1),
-        choose: None,
+        ..v1::TaxonomyFormat::default()
     });
     message.evaluation = None;
     message.feedback = None;

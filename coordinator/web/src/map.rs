@@ -88,6 +88,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                     button #show-all.plain type="button" disabled { "Show all" }
                     span #shown.reason role="status" { "…" }
                 }
+                @if let Some(sample) = murmuration_report::sample_in_words(&record.spec) { p.reason { (sample) } }
                 p #distances.reason role="status" {}
                 p #how.reason {
                     "Point at a behaviour to see its picture, and click it to play its motion. Draw a line around behaviours "
@@ -125,7 +126,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct PointsView {
-    /// Number of individuals.
+    /// Number of individuals on the map.
     count: u64,
     population: u32,
     /// Whether the clusters are those of the taxonomy.
@@ -148,7 +149,7 @@ pub(super) async fn points(
     Path(id): Path<String>,
 ) -> Result<Json<PointsView>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
-    let (individuals, population) = (record.individuals(), record.spec.search().population());
+    let (individuals, population) = (record.sampled(), record.spec.search().population());
     let starts = record.spec.starts().get();
     let (queries, store, id) = (web.labels.queries, web.store, record.id.clone());
     let clustered = in_background(move |_| queries.clusters(&record))

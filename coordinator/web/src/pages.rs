@@ -254,7 +254,7 @@ fn facts(status: &CampaignStatus) -> Markup {
             data-notices=(status.notices.last().map_or(0, |notice| notice.number))
             data-searching=[searches(status).then_some("yes")] {
             (fact("Generations", Some(done)))
-            @if record.spec.method().has_novelty() {
+            @if record.spec.has_novelty() {
                 (fact("Best novelty of the last generation", record.last_novelty.map(|(best, _)| figure(best))))
                 (fact("Mean novelty of the last generation", record.last_novelty.map(|(_, mean)| figure(mean))))
             }

@@ -163,7 +163,7 @@ class Campaign:
 
             If `flat`, columns named after `gene_names` and `FEATURES`, and `embedding_0` and so on, replace `genes`,
             `features` and `embedding`. There is no column `trials`, and a completed campaign has a column `cluster`:
-            the number of the behaviour, from 1, as in reports.
+            the number of the behaviour, from 1, as in reports; null for individuals outside the sample.
 
         Example:
             >>> archive = campaign.archive()
@@ -175,8 +175,9 @@ class Campaign:
         table = tables.archive(list(archive.individuals(self._client.rpc, self.id)), self._classes())
         if not flag("flat", flat):
             return table
-        clusters = self.taxonomy().clusters if self.status().state == v1.CAMPAIGN_STATE_COMPLETED else None
-        return tables.flat(table, self.gene_names, clusters)
+        status = self.status()
+        clusters = self.taxonomy().clusters if status.state == v1.CAMPAIGN_STATE_COMPLETED else None
+        return tables.flat(table, self.gene_names, clusters, status.spec.taxonomy.sample or None)
 
     def pictures(self, indices: Iterable[int] | None = None) -> npt.NDArray[np.uint8]:
         """Pictures of individuals: the paths of their robots during the last steps.

@@ -42,7 +42,7 @@ class Taxonomy:
             `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
             `genes`, `seed`.
         pictures: The medoids' pictures, as from `Campaign.pictures`.
-        clusters: For each individual of the archive its row of `medoids`, from 0; uint32 (individuals,). Reports, pages
+        clusters: For each individual of the archive, or of its sample, its row of `medoids`, from 0; uint32 (individuals,). Reports, pages
             and files number behaviours from 1: row + 1.
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
         robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
@@ -79,6 +79,8 @@ def taxonomy_of(answered: v1.Taxonomy, campaign: v1.Campaign, classes: Mapping[i
     if not answered.medoids:
         raise answers.wrong("a taxonomy has no medoids")
     individuals = campaign.generations_done * campaign.spec.search.population
+    if campaign.spec.taxonomy.HasField("sample"):
+        individuals = min(individuals, campaign.spec.taxonomy.sample)
     # A campaign that is not completed may have more individuals by now.
     if campaign.state == v1.CAMPAIGN_STATE_COMPLETED:
         answers.count("individuals in the taxonomy", len(answered.clusters), individuals)

@@ -118,8 +118,13 @@ def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) ->
     return _table(columns)
 
 
-def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint32] | None) -> pa.Table:
-    """The table of an archive with a column for each number; `clusters` are row numbers of the medoids, from 0."""
+def flat(
+    archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint32] | None, sample: int | None = None
+) -> pa.Table:
+    """The table of an archive with a column for each number.
+
+    `clusters` are row numbers of the medoids, from 0, for all individuals or for the first `sample`.
+    """
     columns: list[Column] = []
     for field in archive.schema:
         column = archive[field.name]
@@ -136,8 +141,8 @@ def flat(archive: pa.Table, genes: Sequence[str], clusters: npt.NDArray[np.uint3
                 name = names[place] if names else f"{field.name}_{place}"
                 columns.append(_column(name, pa.from_numpy_dtype(numbers.dtype), values))
     if clusters is not None:
-        answers_.count("individuals in the taxonomy", len(clusters), len(archive))
-        numbered = (clusters + np.uint32(1)).tolist()
+        answers_.count("individuals in the taxonomy", len(clusters), min(len(archive), sample or len(archive)))
+        numbered = (clusters + np.uint32(1)).tolist() + [None] * (len(archive) - len(clusters))
         columns.append(_column("cluster", pa.uint32(), numbered, about="number of the behaviour, from 1"))
     return _table(columns)
 

@@ -2,7 +2,7 @@
 
 use murmuration_proto::{parts::whole, v1};
 use murmuration_swarm::CampaignSpec;
-use murmuration_tests::{Cluster, small_spec};
+use murmuration_tests::{Cluster, http, small_spec};
 use tonic::Code;
 
 async fn digest_with(spec: &CampaignSpec, workers: usize) -> String {
@@ -74,6 +74,49 @@ async fn a_search_with_a_lag_is_reproducible_and_goes_on_after_a_restart() {
     assert_eq!(digest, digest_with(&lagging, 4).await);
     assert_ne!(digest, digest_with(&longer(), 4).await);
     check_restart(lagging).await;
+}
+
+/// A random campaign whose taxonomy covers a sample.
+fn sampled() -> CampaignSpec {
+    let text = longer()
+        .to_toml()
+        .replace("\"hand-crafted\"", "\"random\"")
+        .replace("[taxonomy]\n", "[taxonomy]\nsample = 1010\n");
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_search_with_a_sample_goes_on_after_a_restart() {
+    check_restart(sampled()).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_taxonomy_covers_the_sample_and_the_archive_has_everything() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let campaign = cluster.create(&sampled()).await;
+    assert_eq!(
+        cluster.finish(&campaign).await.state(),
+        v1::CampaignState::Completed
+    );
+    let archive = cluster.archive(&campaign).await;
+    assert_eq!(archive.len(), 8000);
+    assert!(archive.iter().all(|individual| individual.novelty == 0.0));
+    let taxonomy = cluster.taxonomy(&campaign).await;
+    assert_eq!(taxonomy.clusters.len(), 1010);
+    let sizes = taxonomy.medoids.iter().map(|medoid| medoid.cluster_size);
+    assert_eq!(sizes.sum::<u64>(), 1010);
+    assert!(taxonomy.medoids.iter().all(|medoid| medoid.novelty > 0.0));
+    for path in ["taxonomy", "map", "report"] {
+        let url = format!("{}/campaigns/{campaign}/{path}", cluster.url());
+        let text = http::get(url).await.unwrap().text().await.unwrap();
+        assert!(
+            text.contains("covers the first 1,010 individuals"),
+            "{path}: {text}"
+        );
+        assert!(text.contains("at most 3.1 percentage points"), "{path}");
+    }
+    cluster.stop().await;
 }
 
 /// Checks that a campaign whose coordinator is stopped in the middle has the same digest as an undisturbed one.

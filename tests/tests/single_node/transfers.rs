@@ -1,6 +1,7 @@
 //! Tests campaigns that are exported to a folder and imported from this folder, by command and over the network.
 
 use murmuration_proto::v1::{self, transfer_service_client::TransferServiceClient};
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, Murmuration, longer_spec, small_latent_spec, small_spec};
 use std::{
     fs,
@@ -75,11 +76,22 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// A random campaign of 1,200 individuals, of which the taxonomy covers 1,000.
+fn sampled() -> CampaignSpec {
+    let text = small_spec("")
+        .to_toml()
+        .replace("\"hand-crafted\"", "\"random\"")
+        .replace("generations = 5", "generations = 60")
+        .replace("[taxonomy]\n", "[taxonomy]\nsample = 1000\n");
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
 #[test]
 fn a_campaign_comes_back_with_its_digest_labels_classes_and_taxonomy() {
     for spec in [
         small_spec("[evaluation]\nstarts = 2\njudge = true\n"),
         small_latent_spec("[image]\nresolution = 20\n"),
+        sampled(),
     ] {
         let place = Place::with(&spec.to_toml());
         let exported = place.text("exported");

@@ -3,14 +3,15 @@
 mod begun;
 mod exhaustive;
 mod limits;
+mod sample;
 mod swarm;
 #[cfg(test)]
 mod tests;
 
 use crate::{
-    BehaviourSpace, CapabilityModel, Choice, ControllerSpace, EmbedderSource, Features, Feedback,
-    ImageFormat, Invalid, Method, Scale, Search, Starts, TomlError, World, embedder, invalid, robot, text,
-    toml_file,
+    BehaviourSpace, CapabilityModel, Choice, ControllerSpace, EmbedderSource, Enumeration, Features,
+    Feedback, ImageFormat, Invalid, Method, Scale, Search, Starts, TomlError, World, embedder, invalid,
+    robot, text, toml_file,
 };
 use murmuration_proto::v1;
 
@@ -56,6 +57,7 @@ pub struct CampaignSpec {
     judges: bool,
     medoids: u32,
     choice: Choice,
+    sample: Option<u32>,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
 }
@@ -178,6 +180,31 @@ impl CampaignSpec {
         self.choice
     }
 
+    /// Number of individuals that taxonomy, map and report cover, the first of the archive; `None` for all individuals. With a
+    /// sample, the method is [`Method::Random`] or [`Method::Exhaustive`], and the behaviour space has no embedding.
+    #[must_use]
+    pub const fn sample(&self) -> Option<u32> {
+        self.sample
+    }
+
+    /// All controllers of the space, in the order in which the method [`Method::Exhaustive`] evaluates them; `None` if they cannot
+    /// be enumerated.
+    #[must_use]
+    pub fn enumeration(&self) -> Option<Enumeration<'_>> {
+        let all = Enumeration::of(&self.controllers, &self.world)?;
+        Some(if self.sample.is_some() {
+            all.scattered()
+        } else {
+            all
+        })
+    }
+
+    /// Whether the novelty of individuals is measured when they are evaluated.
+    #[must_use]
+    pub const fn has_novelty(&self) -> bool {
+        self.method.has_novelty() && self.sample.is_none()
+    }
+
     /// The source of the first embedder; `None` if and only if the behaviour space has no embedding.
     #[must_use]
     pub const fn embedder(&self) -> Option<&EmbedderSource> {
@@ -247,19 +274,21 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             Some(starts) => Starts::new("evaluation.starts", starts)?,
             None => Starts::ONE,
         };
+        let taxonomy = message.taxonomy.unwrap_or_default();
+        let most = sample::most_evaluations(taxonomy.sample);
         let search = exhaustive::search(
             message.search.unwrap_or_default(),
             method,
             &controllers,
             &world,
-            starts,
+            most / u64::from(u32::from(starts)),
         )?;
         let search = Search::try_from(search).map_err(|e| e.within("search"))?;
+        let sample = sample::checked(taxonomy.sample, method, space, &search)?;
         let default_medoids = match model.species() {
             [alone] if alone.robot().sensors().len() == 1 => 12,
             _ => 16,
         };
-        let taxonomy = message.taxonomy.unwrap_or_default();
         let choice = Choice::from_field(taxonomy.choose.as_deref(), space)
             .map_err(|error| error.within("taxonomy"))?;
         let most_medoids = search.evaluations().min(1000) as u32;
@@ -298,6 +327,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             controllers,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
             choice,
+            sample,
             starts,
             judges: evaluation.judge.unwrap_or(method == Method::Exhaustive),
             world,
@@ -336,6 +366,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             taxonomy: Some(v1::TaxonomyFormat {
                 medoids: Some(spec.medoids),
                 choose: Some(spec.choice.name().to_owned()),
+                sample: spec.sample,
             }),
             evaluation: Some(v1::EvaluationParams {
                 starts: Some(spec.starts.into()),

@@ -33,8 +33,10 @@ record! {
 }
 
 impl Search {
-    /// Maximum number of evaluations in one campaign.
+    /// Maximum number of evaluations in one campaign without a sample, see [`CampaignSpec::sample`](crate::CampaignSpec::sample).
     pub const MAX_EVALUATIONS: u64 = 10_000_000;
+    /// Maximum number of evaluations in one campaign with a sample.
+    pub const MAX_SAMPLED_EVALUATIONS: u64 = 100_000_000;
 
     /// Evaluations of a whole campaign: population times generations.
     #[must_use]
@@ -91,13 +93,6 @@ impl TryFrom<v1::Search> for Search {
             sign_flip: probability("sign_flip", message.sign_flip, default.sign_flip)?,
             lag: invalid::whole("lag", message.lag.unwrap_or(default.lag), 0..=1)?,
         };
-        if search.evaluations() > Self::MAX_EVALUATIONS {
-            let allowed = format!(
-                "at most {} evaluations (population x generations)",
-                Self::MAX_EVALUATIONS
-            );
-            return Err(Invalid::new("generations", search.generations, allowed));
-        }
         Ok(search)
     }
 }

@@ -34,7 +34,7 @@ struct Generation {
 }
 
 /// The state of a campaign's search between two generations. It depends only on the campaign's specification, embedder and
-/// archive.
+/// archive. If the campaign has a sample, `behaviours` are those of the sample.
 struct Search {
     store: Store,
     interrupt: Interrupt,
@@ -250,7 +250,7 @@ impl Search {
     fn restored(self) -> Result<Self, CampaignError> {
         let mut search = self;
         let population = u64::from(search.campaign.spec.search().population());
-        let len = search.campaign.individuals();
+        let len = search.campaign.sampled();
         let first_parent = len.saturating_sub(population * search.kept_generations() as u64);
         search.scale = search.store.scale(&search.campaign)?;
         for start in (0..len).step_by(CHUNK as usize) {
@@ -346,9 +346,9 @@ impl Search {
 
     /// Adds an evaluated generation to the archive in memory, and returns the generation.
     fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
-        let first = self.behaviours.len();
-        let method = self.campaign.spec.method();
-        let mut individuals: Vec<_> = (first as u64..)
+        let spec = &self.campaign.spec;
+        let first = u64::from(self.next_generation) * u64::from(spec.search().population());
+        let mut individuals: Vec<_> = (first..)
             .zip(done.tasks.iter().zip(done.evaluations))
             .map(|(index, ((controller, seed), evaluations))| ArchivedIndividual {
                 index,
@@ -361,24 +361,26 @@ impl Search {
             .collect();
         if first == 0 {
             let parts = individuals.iter().map(|one| (one.features(), one.embedding()));
-            self.scale = Scale::of(self.campaign.spec.space(), &parts.collect::<Vec<_>>());
+            self.scale = Scale::of(spec.space(), &parts.collect::<Vec<_>>());
         }
-        for individual in &individuals {
+        let before = self.behaviours.len();
+        let most = spec.sample().map_or(usize::MAX, |sample| sample as usize);
+        for individual in individuals.iter().take(most.saturating_sub(before)) {
             self.behaviours.push(&individual.behaviour(&self.scale))?;
         }
-        let neighbours = self.campaign.spec.search().neighbours() as usize;
-        let all = first..self.behaviours.len();
-        let novelty = match method.has_novelty() {
+        let neighbours = spec.search().neighbours() as usize;
+        let new = before..self.behaviours.len();
+        let novelty = match spec.has_novelty() {
             true => self
                 .index
-                .novelty(&self.behaviours, all, neighbours, &self.interrupt)?,
+                .novelty(&self.behaviours, new, neighbours, &self.interrupt)?,
             false => vec![0.0; individuals.len()],
         };
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
             format!(
                 "the task of individual {} was poisoned, and another controller took its place: {reason}",
-                first + place
+                first + *place as u64
             )
         };
         let provenance = Provenance {
@@ -406,7 +408,7 @@ impl Search {
 
     /// The number of robust trials of each individual, see [`taxonomy::robust_trials`]; empty if individuals have one trial.
     fn robust_trials(&self, taxonomy: &Clustering) -> Result<Vec<u8>, CampaignError> {
-        let (spec, len) = (&self.campaign.spec, self.campaign.individuals());
+        let (spec, len) = (&self.campaign.spec, self.campaign.sampled());
         if spec.starts() == Starts::ONE {
             return Ok(Vec::new());
         }

@@ -76,7 +76,7 @@ pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: 
         CampaignState::Running => individuals / 4,
         _ => 0,
     };
-    archive_version == record.archive_version() && record.individuals() <= individuals + slack
+    archive_version == record.archive_version() && record.sampled() <= individuals + slack
 }
 
 impl Clusters {

@@ -253,7 +253,7 @@ impl Queries {
                     (order.map_err(SpaceError::from)?, clustered.space.archive_version)
                 }
                 Strategy::Random => {
-                    let count = record.individuals() as usize;
+                    let count = record.sampled() as usize;
                     let mut stream = RandomStream::derive(record.spec.seed(), Purpose::Query, 0);
                     (
                         ranking::in_random_order(count, &mut stream),

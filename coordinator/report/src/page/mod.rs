@@ -11,7 +11,7 @@ mod world;
 
 use super::{
     Document, Files, MedoidPictures, Report, found,
-    numbers::{counted, grouped},
+    numbers::{counted, grouped, sample_in_words},
     scripts,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -49,7 +49,7 @@ pub(super) fn render(
             (cards::behaviours(report, pictures, further, files))
             (sections::names(report, files))
             (sections::map(report, files))
-            @if report.spec.method().has_novelty() { (sections::novelty(report)) }
+            @if report.spec.has_novelty() { (sections::novelty(report)) }
             (sections::filtered(report))
             (sections::specification(report, files))
             (sections::reading(report))
@@ -82,8 +82,9 @@ fn header(report: &Report) -> Markup {
                         "This campaign learned from " (round.learned_from()) " which behaviours are alike. It tried "
                     },
                 }
-                (counted(report.individuals.len() as u64, "controller")) " and sorted the behaviours of their swarms into "
+                (counted(report.evaluated(), "controller")) " and sorted the behaviours of their swarms into "
                 (counted(report.medoids.len() as u64, "cluster")) "."
+                @if let Some(coverage) = sample_in_words(&report.spec) { " " (coverage) }
                 @if !report.judged.medoids.is_empty() {
                     " The judge is a program that knows the classes of the paper and some patterns. It makes mistakes, and it cannot name \
                      what is new: look at the cards."
@@ -136,7 +137,7 @@ fn facts(report: &Report) -> Markup {
             @let differences = world::differences(spec.world());
             @if !differences.is_empty() { (fact("World", html! { (differences.join("; ")) })) }
             @if spec.starts() != Starts::ONE { (fact("Starts of each", html! { (spec.starts().get()) })) }
-            (fact("Individuals", html! { (grouped(report.individuals.len() as u64)) }))
+            (fact("Individuals", html! { (grouped(report.evaluated())) }))
             (fact("Generations", html! { (generations(report)) }))
             @if !report.checkpoint.is_empty() {
                 (fact("Checkpoint", html! { code title=(report.checkpoint) { (shortened(&report.checkpoint)) } }))

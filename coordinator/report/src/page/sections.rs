@@ -158,7 +158,7 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
             section #names aria-labelledby="names-title" {
                 h2 #names-title { "Names" }
                 p.lead {
-                    "Of " (counted(report.individuals.len() as u64, "individual")) ", annotators have named " (grouped(named.people))
+                    "Of " (counted(report.evaluated(), "individual")) ", annotators have named " (grouped(named.people))
                     @if named.machine > 0 {
                         " and the rule-based judge, a program, has named another " (grouped(named.machine))
                     }
@@ -230,7 +230,7 @@ fn moved(report: &Report) -> Markup {
 /// The section on proposals that the heuristic filter rejected.
 pub(super) fn filtered(report: &Report) -> Markup {
     let away: u64 = report.generations.iter().map(|step| step.filtered).sum();
-    let proposed = away + report.individuals.len() as u64;
+    let proposed = away + report.evaluated();
     html! {
         section #filtered aria-labelledby="filtered-title" {
             h2 #filtered-title { "Heuristic filter" }
@@ -404,7 +404,7 @@ pub(super) fn reading(report: &Report) -> Markup {
                     "On the map, over generations, and in the table of the archive: the same distance in the archive as it was after the "
                     "generation of the behaviour. It tends to be higher in early generations, when the archive is small. "
                     @match (report.spec.method(), report.repetition.has_moved()) {
-                        (Method::Exhaustive, _) => { "It was not measured and is 0: which controllers come next does not depend on it." },
+                        _ if !report.spec.has_novelty() => { "It was not measured and is 0: which controllers come next does not depend on it." },
                         (Method::Random, _) => { "It had no effect: every controller was drawn at random." },
                         (_, false) => { "Each generation was bred by the values of the generation before it." },
                         (_, true) => { "It was computed again when the embedding changed: earlier generations were bred by other values." },

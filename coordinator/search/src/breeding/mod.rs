@@ -21,8 +21,8 @@ mod spread;
 
 use crate::filter::Score;
 use murmuration_swarm::{
-    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Enumeration, GeneSpace, Method, Purpose,
-    RandomStream, Search,
+    CampaignSpec, CapabilityModel, Controller, ControllerSpace, GeneSpace, Method, Purpose, RandomStream,
+    Search,
 };
 use rand::RngExt as _;
 use spread::Spread;
@@ -131,7 +131,7 @@ fn slice(spec: &CampaignSpec, generation: u32) -> Proposal {
     let population = u64::from(spec.search().population());
     let first = u64::from(generation) * population;
     let indices = first..first + population;
-    let all = Enumeration::of(spec.controllers(), spec.world());
+    let all = spec.enumeration();
     let controllers = match all.filter(|all| all.len() == spec.search().evaluations()) {
         Some(all) => indices.map(|index| all.controller(index)).collect(),
         None => {

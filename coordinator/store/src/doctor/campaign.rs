@@ -236,7 +236,7 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
         Ok(None) if wanted => "is missing".to_owned(),
         Ok(None) => return false,
         Ok(Some(taxonomy)) => {
-            let len = record.individuals();
+            let len = record.sampled();
             let about = taxonomy.clusters.len() as u64 == len;
             let starts = record.spec.starts().get();
             let robust = &taxonomy.robust_trials;

@@ -274,7 +274,7 @@ impl ReceivedCampaign {
 
     fn check_other_rows(&self) -> Result<(), Unsound> {
         let record = &self.campaign.record;
-        let (individuals, starts) = (record.individuals(), record.spec.starts().get());
+        let (individuals, starts) = (record.sampled(), record.spec.starts().get());
         for (table, rows, unfit) in [
             (
                 "generations",

@@ -199,6 +199,7 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
         (answer(shown))
         p.lead {
             "Each card shows a behaviour that stands for a cluster. The largest cluster is first. "
+            @if let Some(sample) = report::sample_in_words(&record.spec) { (sample) " " }
             @if shown.version.stands {
                 span.scripted {
                     "Point at a picture to play its motion. A name counts as a label"

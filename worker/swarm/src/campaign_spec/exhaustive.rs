@@ -1,13 +1,13 @@
 //! Campaigns that evaluate every controller of a space: their number of generations, and the fields that they cannot have.
 
-use crate::{ControllerSpace, Enumeration, Invalid, Method, Search, Starts, World, counted, grouped};
+use crate::{ControllerSpace, Enumeration, Invalid, Method, Search, World, counted, grouped};
 use murmuration_proto::v1;
 
 /// Largest population that is chosen if the file gives no population.
 const POPULATION: u64 = 1000;
 
 /// Completes the search. If the file gives no number of generations, that number and an absent population follow from the number
-/// of controllers.
+/// of controllers, at most `most`.
 ///
 /// # Errors
 /// The error names the field to change: a population that does not divide the number of controllers, more evaluations than
@@ -17,14 +17,13 @@ pub(super) fn search(
     method: Method,
     controllers: &ControllerSpace,
     world: &World,
-    starts: Starts,
+    most: u64,
 ) -> Result<v1::Search, Invalid> {
     if method != Method::Exhaustive {
         return Ok(search);
     }
     let all = Enumeration::of(controllers, world).map(|all| all.len());
     let Some(generations) = search.generations else {
-        let most = Search::MAX_EVALUATIONS / u64::from(u32::from(starts));
         return match all {
             Some(all) if all <= most => whole(search, all),
             _ => Err(too_many(all, most)),

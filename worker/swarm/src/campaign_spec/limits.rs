@@ -1,6 +1,6 @@
 //! Limits of a whole campaign: the memory that it needs at one time, and its number of simulations.
 
-use super::CampaignSpec;
+use super::{CampaignSpec, sample};
 use crate::{Frames, Invalid, Pose, Search, StartShape, Starts, counted};
 
 impl CampaignSpec {
@@ -102,7 +102,7 @@ impl CampaignSpec {
         let round = self.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(self.search.population())
         });
-        if self.evaluations().max(round) <= Search::MAX_EVALUATIONS {
+        if self.evaluations().max(round) <= sample::most_evaluations(self.sample) {
             return Ok(());
         }
         let value = format!("{round} evaluations a round");
@@ -125,12 +125,12 @@ impl CampaignSpec {
             let allowed = "1: all trials would be alike, since every agent starts at a given pose and nothing is random";
             return Err(Invalid::new("evaluation.starts", starts, allowed));
         }
-        if self.evaluations() * u64::from(starts) > Search::MAX_EVALUATIONS {
+        let most = sample::most_evaluations(self.sample);
+        if self.evaluations() * u64::from(starts) > most {
             let allowed = format!(
-                "at most {} for {} evaluations: at most {} simulations in all",
-                Search::MAX_EVALUATIONS / self.evaluations(),
+                "at most {} for {} evaluations: at most {most} simulations in all",
+                most / self.evaluations(),
                 self.evaluations(),
-                Search::MAX_EVALUATIONS
             );
             return Err(Invalid::new("evaluation.starts", starts, allowed));
         }
