@@ -1,9 +1,13 @@
 //! Two-dimensional maps of behaviours for people: a map on the principal axes at once, and a t-SNE map once it has been computed.
 //!
 //! A map is kept until the archive grows or changes its version, or until other maps need its room. A forgotten map is computed
-//! again, with the same result. No result of a campaign depends on maps.
+//! again, with the same result. No result of a campaign depends on maps. A t-SNE map is computed in the turns of the client that
+//! asked first, and holds its seat; it is computed only for as long as somebody keeps asking.
 
-use crate::space::{Space, SpaceError, Spaces};
+use crate::{
+    blocking::{Broken, in_background, parallel, spawn},
+    space::{Space, SpaceError, Spaces},
+};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_search::{
     interrupt::Interrupt,
@@ -11,10 +15,16 @@ use murmuration_search::{
 };
 use murmuration_store::kept::Kept;
 use murmuration_tsne::{self as tsne, Points};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
 
 /// Maximum size in bytes of the maps that are kept.
 const MOST_BYTES: usize = 64 << 20;
+
+/// Time for which a t-SNE map is computed after somebody asked for it.
+const WANTED_FOR: Duration = Duration::from_secs(20);
 
 /// Handle on the maps of a coordinator's campaigns; cheap to clone.
 #[derive(Debug, Clone)]
@@ -41,15 +51,43 @@ type Version = (ArchiveVersion, u64);
 #[derive(Debug, Clone)]
 enum Neighbours {
     Unasked,
-    UnderWay,
+    UnderWay {
+        /// Time of the last request.
+        asked: Instant,
+    },
     Known(Arc<Points>),
+}
+
+/// Answer to a request for a t-SNE map.
+enum Asked {
+    Known(Arc<Points>),
+    UnderWay,
+    /// The map is to be computed.
+    Wanted(Wanted),
+}
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum MapError {
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    #[error(transparent)]
+    Broken(#[from] Broken),
+}
+
+/// A t-SNE map that somebody asked for.
+struct Wanted {
+    of: Version,
+    space: Arc<Space>,
+    axes: Arc<Projection>,
+    interrupt: Interrupt,
 }
 
 impl Known {
     fn bytes(&self) -> usize {
         let neighbours = match &self.neighbours {
             Neighbours::Known(points) => points.len(),
-            Neighbours::Unasked | Neighbours::UnderWay => 0,
+            Neighbours::Unasked | Neighbours::UnderWay { .. } => 0,
         };
         (self.axes.points.len() + neighbours) * size_of::<[f64; 2]>()
     }
@@ -78,40 +116,90 @@ impl Maps {
     }
 
     /// The t-SNE map of the archive; `None` until the map is computed. The first request starts the computation, unless the
-    /// archive still grows. Blocks like [`Maps::axes`].
-    pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
+    /// archive still grows. The computation ends early if nobody asks for the map for [`WANTED_FOR`].
+    ///
+    /// # Errors
+    /// If the archive cannot be read.
+    pub async fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, MapError> {
         if record.state == CampaignState::Running {
             return Ok(None);
         }
+        let (maps, of) = (self.clone(), record.clone());
+        let wanted = match in_background(move |_| maps.ask(&of)).await?? {
+            Asked::Known(points) => return Ok(Some(points)),
+            Asked::UnderWay => return Ok(None),
+            Asked::Wanted(wanted) => wanted,
+        };
+        let (maps, record) = (self.clone(), record.clone());
+        spawn(async move { maps.arrange(&record, wanted).await });
+        Ok(None)
+    }
+
+    /// Notes that somebody asks for the t-SNE map.
+    fn ask(&self, record: &CampaignRecord) -> Result<Asked, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut guard = lock(&kept);
         let known = self.current(record, &mut guard)?;
-        match &known.neighbours {
-            Neighbours::Known(points) => return Ok(Some(Arc::clone(points))),
-            Neighbours::UnderWay => return Ok(None),
+        match &mut known.neighbours {
+            Neighbours::Known(points) => return Ok(Asked::Known(Arc::clone(points))),
+            Neighbours::UnderWay { asked } => {
+                *asked = Instant::now();
+                return Ok(Asked::UnderWay);
+            }
             Neighbours::Unasked => {}
         }
         let (space, axes, of) = (self.spaces.of(record)?, Arc::clone(&known.axes), known.of);
         if version(&space) != of {
             // The archive has changed already. The next request uses its new version.
-            return Ok(None);
+            return Ok(Asked::UnderWay);
         }
-        known.neighbours = Neighbours::UnderWay;
-        let interrupt = known.interrupt.clone();
-        drop(guard);
-        let (maps, id) = (self.clone(), record.id.clone());
-        // The map is not forgotten while the thread holds it.
-        std::thread::spawn(move || {
-            let Ok(points) = tsne::embed(&space.behaviours, &axes.points, &interrupt) else {
-                return;
-            };
-            let mut known = lock(&kept);
-            if let Some(known) = known.as_mut().filter(|known| known.of == of) {
-                known.neighbours = Neighbours::Known(Arc::new(points));
-                maps.kept.weigh(&id, known.bytes());
+        known.neighbours = Neighbours::UnderWay {
+            asked: Instant::now(),
+        };
+        Ok(Asked::Wanted(Wanted {
+            of,
+            space,
+            axes,
+            interrupt: known.interrupt.clone(),
+        }))
+    }
+
+    /// Computes a t-SNE map until the map is done or nobody wants it any more.
+    async fn arrange(&self, record: &CampaignRecord, wanted: Wanted) {
+        let of = wanted.of;
+        // The map is not forgotten while this task holds it.
+        let kept = self.kept.of(&record.id);
+        let interrupt = wanted.interrupt.clone();
+        let compute = move |_: &Interrupt| {
+            parallel(|| tsne::embed(&wanted.space.behaviours, &wanted.axes.points, &wanted.interrupt))
+        };
+        let computed = in_background(compute);
+        tokio::pin!(computed);
+        let computed = loop {
+            tokio::select! {
+                computed = &mut computed => break computed.ok().and_then(Result::ok),
+                () = tokio::time::sleep(WANTED_FOR / 4) => {
+                    if !is_wanted(&kept, of) {
+                        // The loop goes on until the thread has noticed: this task holds the client's seat for the thread.
+                        interrupt.raise();
+                    }
+                }
             }
-        });
-        Ok(None)
+        };
+        let mut known = lock(&kept);
+        let Some(known) = known.as_mut().filter(|known| known.of == of) else {
+            return;
+        };
+        match computed {
+            Some(points) => {
+                known.neighbours = Neighbours::Known(Arc::new(points));
+                self.kept.weigh(&record.id, known.bytes());
+            }
+            None => {
+                known.neighbours = Neighbours::Unasked;
+                known.interrupt = self.interrupt.child();
+            }
+        }
     }
 
     /// The map of the archive up to the individuals in `record`.
@@ -128,7 +216,8 @@ impl Maps {
                     former.interrupt.raise();
                 }
                 let space = self.spaces.of(record)?;
-                let axes = Arc::new(projection::principal_axes(&space.behaviours, &self.interrupt)?);
+                let axes = parallel(|| projection::principal_axes(&space.behaviours, &self.interrupt));
+                let axes = Arc::new(axes?);
                 // If the archive changed its version after the record was read, no later request needs this map.
                 Known {
                     of: version(&space),
@@ -141,6 +230,14 @@ impl Maps {
         self.kept.weigh(&record.id, current.bytes());
         Ok(known.insert(current))
     }
+}
+
+/// Whether somebody asked lately for the t-SNE map of this version of an archive.
+fn is_wanted(kept: &Mutex<Option<Known>>, of: Version) -> bool {
+    lock(kept).as_ref().is_some_and(|known| {
+        known.of == of
+            && matches!(known.neighbours, Neighbours::UnderWay { asked } if asked.elapsed() < WANTED_FOR)
+    })
 }
 
 fn version(space: &Space) -> Version {

@@ -3,7 +3,7 @@
 use crate::spread::{Place, spreads};
 use bytes::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, in_background},
+    blocking::{Broken, in_background, parallel},
     queries::beyond_medoids,
 };
 use murmuration_model::{
@@ -190,7 +190,7 @@ pub async fn report<C: Transport>(
         loss: taxonomy.loss,
     };
     let of = spec.clone();
-    let measured = in_background(move |interrupt| -> Result<_, ReportDataError> {
+    let measure = move |interrupt: &Interrupt| -> Result<_, ReportDataError> {
         let behaviours = behaviours(&individuals, &of)?;
         let spreads = spreads(&behaviours, &clustering.medoids, &clustering.clusters);
         let mut further = Vec::new();
@@ -201,7 +201,8 @@ pub async fn report<C: Transport>(
         }
         let map = map(&behaviours, interrupt)?;
         Ok((spreads, further, map, individuals, clustering.clusters))
-    });
+    };
+    let measured = in_background(move |interrupt| parallel(|| measure(interrupt)));
     let (spreads, beyond, map, individuals, clusters) = measured.await??;
     let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
@@ -239,7 +240,8 @@ pub async fn report<C: Transport>(
     let (judged, individuals) = match pictures {
         PicturesOf::Medoids => (Ok(Judged::default()), individuals),
         PicturesOf::Individuals => {
-            in_background(move |_| (Judged::of(&judged_spec, &individuals, &shown), individuals)).await?
+            let judge = move || (Judged::of(&judged_spec, &individuals, &shown), individuals);
+            in_background(move |_| parallel(judge)).await?
         }
     };
     Ok(Report {

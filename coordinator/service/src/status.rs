@@ -2,7 +2,9 @@
 
 use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_dispatch::{JobError, JoinError};
-use murmuration_engine::{blocking::Broken, campaign::CampaignError, queries::QueryError, space::SpaceError};
+use murmuration_engine::{
+    blocking::Broken, campaign::CampaignError, maps::MapError, queries::QueryError, space::SpaceError,
+};
 use murmuration_model::labels::Refusal;
 use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
 use murmuration_swarm::Text;
@@ -122,6 +124,15 @@ impl IntoStatus for SpaceError {
             Self::Store(error) => error.into_status(),
             Self::Misfit(error) => Status::internal(error.to_string()),
             Self::Interrupted(error) => Status::unavailable(error.to_string()),
+        }
+    }
+}
+
+impl IntoStatus for MapError {
+    fn into_status(self) -> Status {
+        match self {
+            Self::Space(error) => error.into_status(),
+            Self::Broken(error) => error.into_status(),
         }
     }
 }

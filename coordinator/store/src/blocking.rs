@@ -5,6 +5,7 @@ mod turns;
 pub use turns::Turns;
 
 use murmuration_search::interrupt::Interrupt;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::{
     any::Any,
     cell::Cell,
@@ -87,16 +88,26 @@ pub async fn in_background<T: Send + 'static>(
         Some(turns) => Some(turns.next().await),
         None => None,
     };
-    let threads = match &turn {
-        Some(turn) if turn.is_prompt => Handle::current(),
-        _ => background(),
+    let (threads, level) = match &turn {
+        Some(turn) if turn.is_prompt => (Handle::current(), Level::Prompt),
+        _ => (background(), Level::Low),
     };
     let work = move |interrupt: &Interrupt| {
-        let _marked = Marked::new();
+        let _marked = Marked::new(level);
         turn.iter_mut().for_each(Turn::begin);
         work(interrupt)
     };
     run(threads, work).await
+}
+
+/// Runs a pure computation that uses several threads (rayon). Work of [`in_background`] must use this function, so that the other
+/// threads have low priority too, or count towards the client's [`Turns`].
+pub fn parallel<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
+    match (LEVEL.get(), PARALLEL.as_ref()) {
+        (Level::Low, Some(pool)) => pool.install(compute),
+        (Level::Prompt, _) => turns::counted(compute),
+        _ => compute(),
+    }
 }
 
 /// The turns of this task; `None` if it has normal priority.
@@ -120,22 +131,33 @@ async fn run<T: Send + 'static>(
 
 /// Whether this thread does work of [`in_background`].
 pub(crate) fn is_in_background() -> bool {
-    IN_BACKGROUND.get()
+    LEVEL.get() != Level::Foreground
+}
+
+/// The kind of work that a thread does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Level {
+    /// Other work than that of [`in_background`].
+    Foreground,
+    /// Work of [`in_background`] with normal priority.
+    Prompt,
+    /// Work of [`in_background`] with low priority.
+    Low,
 }
 
 /// Marks this thread as doing work of [`in_background`] until dropped.
 struct Marked;
 
 impl Marked {
-    fn new() -> Self {
-        IN_BACKGROUND.set(true);
+    fn new(level: Level) -> Self {
+        LEVEL.set(level);
         Self
     }
 }
 
 impl Drop for Marked {
     fn drop(&mut self) {
-        IN_BACKGROUND.set(false);
+        LEVEL.set(Level::Foreground);
     }
 }
 
@@ -163,8 +185,18 @@ impl Drop for Wanted {
 }
 
 thread_local! {
-    static IN_BACKGROUND: Cell<bool> = const { Cell::new(false) };
+    static LEVEL: Cell<Level> = const { Cell::new(Level::Foreground) };
 }
+
+/// The threads of low priority for [`parallel`], one for each core; `None` if the system could not make them.
+static PARALLEL: LazyLock<Option<ThreadPool>> = LazyLock::new(|| {
+    let pool = ThreadPoolBuilder::new()
+        .thread_name(|_| "parallel".to_owned())
+        .start_handler(|_| lower_priority())
+        .build();
+    pool.inspect_err(|error| tracing::warn!(%error, "parallel threads could not be started: maps and clusters have normal priority"))
+        .ok()
+});
 
 /// The process's threads of low priority; `None` if the system could not make them.
 static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
@@ -340,6 +372,33 @@ mod tests {
         );
         let other = holding(Arc::new(()), Priority::Low(Turns::default()), in_background(nice));
         assert_eq!(other.await, Ok(normal));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn computations_of_several_threads_have_low_priority_or_are_counted() {
+        let nice = || rayon::join(nice_of_this_thread, nice_of_this_thread);
+        let (normal, _) = parallel(nice);
+        let low = (normal + NICE).min(19);
+        assert_eq!(in_background(move |_| parallel(nice)).await, Ok((low, low)));
+        let turns = Turns::default();
+        let as_client = |work: fn() -> i32| {
+            let work = in_background(move |_| parallel(work));
+            holding(Arc::new(()), Priority::Low(turns.clone()), work)
+        };
+        assert_eq!(as_client(nice_of_this_thread).await, Ok(normal));
+        // The thread that waits for the others uses next to no processor time itself.
+        let waits = || {
+            thread::sleep(Duration::from_millis(1500));
+            0
+        };
+        assert_eq!(as_client(waits).await, Ok(0));
+        assert_eq!(as_client(nice_of_this_thread).await, Ok(low));
+    }
+
+    #[cfg(target_os = "linux")]
+    fn nice_of_this_thread() -> i32 {
+        rustix::process::getpriority_process(None).unwrap()
     }
 
     #[tokio::test]

@@ -214,10 +214,7 @@ pub(super) async fn axes(
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();
-    let found = in_background(move |_| maps.neighbours(&record))
-        .await
-        .or_status()?
-        .or_status()?;
+    let found = maps.neighbours(&record).await.or_status()?;
     Ok(match found {
         Some(points) => Json(places(&points)).into_response(),
         None => StatusCode::ACCEPTED.into_response(),

@@ -6,8 +6,8 @@ use murmuration_store::{DataDirectory, GenerationRecord, Provenance, Store, Tria
 use murmuration_swarm::{CampaignSpec, Purpose, RandomStream};
 use rand::RngExt as _;
 
-#[test]
-fn an_empty_archive_has_an_empty_map() {
+#[tokio::test]
+async fn an_empty_archive_has_an_empty_map() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"hand-crafted\"").unwrap();
@@ -16,14 +16,14 @@ fn an_empty_archive_has_an_empty_map() {
     let maps = Maps::new(Spaces::new(store.clone()), Interrupt::default());
     assert!(maps.axes(&record).unwrap().points.is_empty());
     // There is no t-SNE while the archive grows.
-    assert!(maps.neighbours(&record).unwrap().is_none());
+    assert!(maps.neighbours(&record).await.unwrap().is_none());
     store.set_state(&id, CampaignState::Paused, "").unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     let points = loop {
-        if let Some(points) = maps.neighbours(&record).unwrap() {
+        if let Some(points) = maps.neighbours(&record).await.unwrap() {
             break points;
         }
-        std::thread::yield_now();
+        tokio::task::yield_now().await;
     };
     assert!(points.is_empty());
 }
@@ -59,8 +59,8 @@ fn paused(store: &Store, seed: u64) -> CampaignRecord {
     store.campaign(id.as_str()).unwrap()
 }
 
-#[test]
-fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
+#[tokio::test]
+async fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let campaigns = [1, 2].map(|seed| paused(&store, seed));
@@ -68,26 +68,26 @@ fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
     let map = 2 * size_of::<[f64; 2]>() * COUNT as usize + ENTRY_BYTES;
     let bound = map + map / 2;
     let maps = Maps::within(Spaces::new(store), Interrupt::default(), bound);
-    let look = |record: &CampaignRecord| {
+    let look = async |record: &CampaignRecord| {
         let axes = maps.axes(record).unwrap();
         loop {
-            if let Some(points) = maps.neighbours(record).unwrap() {
+            if let Some(points) = maps.neighbours(record).await.unwrap() {
                 return (axes.points.clone(), (*points).clone());
             }
-            std::thread::yield_now();
+            tokio::task::yield_now().await;
         }
     };
-    let first = look(&campaigns[0]);
-    let other = look(&campaigns[1]);
+    let first = look(&campaigns[0]).await;
+    let other = look(&campaigns[1]).await;
     assert_ne!(first, other);
     // The thread that made a map may still hold it.
     while maps.kept.bytes() > bound {
         maps.axes(&campaigns[1]).unwrap();
-        std::thread::yield_now();
+        tokio::task::yield_now().await;
     }
     assert!(
-        maps.neighbours(&campaigns[0]).unwrap().is_none(),
+        maps.neighbours(&campaigns[0]).await.unwrap().is_none(),
         "it was not forgotten"
     );
-    assert_eq!(look(&campaigns[0]), first);
+    assert_eq!(look(&campaigns[0]).await, first);
 }

@@ -7,7 +7,7 @@ use super::{
     ranking,
 };
 use crate::{
-    blocking::blocking,
+    blocking::{blocking, parallel},
     space::{SpaceError, Spaces},
 };
 use murmuration_model::{
@@ -239,17 +239,15 @@ impl Queries {
             let (order, archive_version) = match strategy {
                 Strategy::Medoids => {
                     let clustered = clustered(&record)?;
-                    let order = ranking::by_uncertainty(&clustered.space.behaviours, &clustered.clustering);
+                    let (behaviours, clustering) = (&clustered.space.behaviours, &clustered.clustering);
+                    let order = parallel(|| ranking::by_uncertainty(behaviours, clustering));
                     (order, clustered.space.archive_version)
                 }
                 Strategy::Coverage => {
                     let clustered = clustered(&record)?;
-                    let order = ranking::by_coverage(
-                        &clustered.space.behaviours,
-                        &clustered.clustering,
-                        &record.spec,
-                        &interrupt,
-                    );
+                    let (behaviours, clustering) = (&clustered.space.behaviours, &clustered.clustering);
+                    let order =
+                        parallel(|| ranking::by_coverage(behaviours, clustering, &record.spec, &interrupt));
                     (order.map_err(SpaceError::from)?, clustered.space.archive_version)
                 }
                 Strategy::Random => {

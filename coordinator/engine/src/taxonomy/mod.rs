@@ -8,7 +8,7 @@ pub use alike::{Alike, distance, touch};
 pub use change::Change;
 pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
 
-use crate::space::SpaceError;
+use crate::{blocking::parallel, space::SpaceError};
 use murmuration_model::{CampaignId, CampaignRecord};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
@@ -25,14 +25,16 @@ pub(crate) fn cluster(
     record: &CampaignRecord,
     behaviours: &Behaviours,
     interrupt: &Interrupt,
-    told: &dyn Fn(medoids::Progress),
+    told: &(dyn Fn(medoids::Progress) + Sync),
 ) -> Result<Clustering, SpaceError> {
     let spec = &record.spec;
     let labelled = match spec.choice() {
         Choice::Medoids => BTreeMap::new(),
         Choice::Coverage | Choice::ByClass => store.learned_classes(record)?,
     };
-    Ok(medoids::choose(spec, behaviours, &labelled, interrupt, told)?)
+    Ok(parallel(|| {
+        medoids::choose(spec, behaviours, &labelled, interrupt, told)
+    })?)
 }
 
 /// One behaviour: the individual that represents a cluster.

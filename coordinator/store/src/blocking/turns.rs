@@ -5,6 +5,7 @@
 //! work beyond the allowance has low priority.
 
 use std::{
+    cell::Cell,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
@@ -70,6 +71,7 @@ impl Turns {
 impl Turn {
     /// Notes that the work begins on this thread. The turn must be dropped on the same thread when the work ends.
     pub(super) fn begin(&mut self) {
+        USED_BY_OTHERS.set(Duration::ZERO);
         self.begun = self.is_prompt.then(used_by_this_thread);
     }
 }
@@ -78,7 +80,7 @@ impl Drop for Turn {
     fn drop(&mut self) {
         if let Some(begun) = self.begun {
             let used = used_by_this_thread().saturating_sub(begun);
-            self.of.allowance().use_up(used);
+            self.of.allowance().use_up(used + USED_BY_OTHERS.take());
         }
     }
 }
@@ -119,6 +121,21 @@ impl Allowance {
     fn use_up(&mut self, used: Duration) {
         self.left -= used.as_secs_f64();
     }
+}
+
+thread_local! {
+    /// Processor time that other threads used for the work of this thread.
+    static USED_BY_OTHERS: Cell<Duration> = const { Cell::new(Duration::ZERO) };
+}
+
+/// Runs a computation of several threads, and counts it as if it kept all of them busy.
+pub(super) fn counted<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
+    let begun = Instant::now();
+    let computed = compute();
+    let threads = rayon::current_num_threads().try_into().unwrap_or(u32::MAX);
+    let used = begun.elapsed().saturating_mul(threads);
+    USED_BY_OTHERS.set(USED_BY_OTHERS.get().saturating_add(used));
+    computed
 }
 
 #[cfg(target_os = "linux")]

@@ -4,7 +4,7 @@
 use super::known::{Digests, Known};
 use axum::body::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, blocking, in_background},
+    blocking::{Broken, blocking, in_background, parallel},
     campaign::{CampaignError, Campaigns},
 };
 use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
@@ -193,9 +193,11 @@ impl Studies {
             return Err(Invalid::new("index", index, allowed).into());
         }
         let place = self.place(name);
-        // Classes are stored one at a time, because each is added to the classes before it.
-        let _alone = place.lock().await;
+        // Classes are stored one at a time, because each is added to the classes before it. The lock is the change's own: the
+        // change goes on if the client leaves.
+        let alone = place.lock_owned().await;
         let keep = move |store: &Store| {
+            let _alone = alone;
             let mut classes = classes(store, &study.name)?;
             classes.set(&cell, index, class, &by)?;
             let record = classes_record(&classes);
@@ -229,7 +231,7 @@ async fn forget(shared: Weak<Shared>, name: String) {
         let mut held = shared.held();
         if held
             .get(&name)
-            .is_none_or(|place| place.used.elapsed() >= KEPT_FOR)
+            .is_none_or(|place| place.used.elapsed() >= KEPT_FOR && Arc::strong_count(&place.read) == 1)
         {
             held.remove(&name);
             return;
@@ -374,7 +376,7 @@ impl Loaded {
         let drawing = tokio::spawn(async move {
             let study = Arc::clone(&loaded);
             let draw = || async move {
-                let page = in_background(move |_| report_page(&study.outcome)).await??;
+                let page = in_background(move |_| parallel(|| report_page(&study.outcome))).await??;
                 Ok::<_, Undrawn>(Bytes::from(page))
             };
             loaded.report.get_or_try_init(draw).await.cloned()

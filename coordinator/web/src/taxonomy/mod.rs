@@ -29,7 +29,7 @@ use axum::{
 use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
-    blocking::in_background,
+    blocking::{in_background, parallel},
     taxonomy::{Alike, Names, Origin, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
@@ -334,10 +334,11 @@ async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes,
         report_data::ReportDataError::Service(status) => status,
         other => Status::internal(other.to_string()),
     })?;
-    let drawn = in_background(move |_| match pictures {
+    let draw = move || match pictures {
         PicturesOf::Individuals => report::page(&gathered),
         PicturesOf::Medoids => report::contact_sheet(&gathered),
-    });
+    };
+    let drawn = in_background(move |_| parallel(draw));
     let drawn = drawn
         .await?
         .map_err(|error| Status::internal(error.to_string()))?;
