@@ -14,6 +14,7 @@ use murmuration_access::{ListenConfig, Requirements, Seats};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
+    blocking::blocking,
     campaign::{CampaignError, Campaigns},
     maps::Maps,
     queries::Queries,
@@ -122,7 +123,10 @@ impl Coordinator {
     /// See [`ServerError`].
     pub async fn start(options: Options) -> Result<Self, ServerError> {
         let (listener, address) = listen(options.listen.address()).await?;
-        let store = Store::open(&options.data)?;
+        // Opening can take long if the database has an older schema, and a signal may end it.
+        let open = move || (Store::open(&options.data), options);
+        let (store, options) = blocking(open).await.map_err(StoreError::from)?;
+        let store = store?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
@@ -184,6 +188,7 @@ impl Coordinator {
             studies: Studies::of(&store),
             reports: Reports::default(),
             sights: Recent::default(),
+            heads: Recent::default(),
             atlas: DrawnAtlas::default(),
             judged: Judged::default(),
         };

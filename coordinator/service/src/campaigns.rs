@@ -18,13 +18,16 @@ use murmuration_store::{
     kept::LatestAnswers,
 };
 use murmuration_swarm::Frames;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 /// Minimum interval between two messages to one watcher.
 const WATCH_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Number of campaigns in a part of a list.
+const LISTED_AT_ONCE: usize = 50;
 
 /// Size in bytes of a digest in the cache.
 const DIGEST_BYTES: usize = 64;
@@ -90,15 +93,22 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         &self,
         _: Request<v1::ListCampaignsRequest>,
     ) -> Answer<Self::ListCampaignsStream> {
-        let campaigns = self
-            .campaigns
-            .list()
-            .await
-            .or_status()?
-            .into_iter()
-            .map(v1::Campaign::from);
-        let part = |campaigns| v1::ListCampaignsResponse { campaigns };
-        Ok(in_parts(parts(campaigns, part)))
+        let ids = self.store.run(|store| store.campaign_heads()).await.or_status()?;
+        let ids: Arc<[CampaignId]> = ids.into_iter().map(|head| head.id).collect();
+        let campaigns = self.campaigns.clone();
+        Ok(as_taken(move |begins| {
+            let (campaigns, begins) = (campaigns.clone(), begins as usize);
+            let until = ids.len().min(begins + LISTED_AT_ONCE);
+            let (part, more) = (ids[begins..until].to_vec(), until < ids.len());
+            async move {
+                let listed = campaigns.statuses(part).await.or_status()?;
+                let campaigns = listed.into_iter().map(v1::Campaign::from).collect();
+                Ok((
+                    v1::ListCampaignsResponse { campaigns },
+                    more.then_some(until as u64),
+                ))
+            }
+        }))
     }
 
     type WatchCampaignStream = Streamed<v1::Campaign>;

@@ -17,6 +17,12 @@ pub struct Followed<T>(Arc<Latest<T>>);
 
 type Latest<T> = sync::Mutex<Option<(Instant, T)>>;
 
+impl<T> Clone for Followed<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
 impl<T> Clone for Recent<T> {
     fn clone(&self) -> Self {
         Self(Arc::clone(&self.0))

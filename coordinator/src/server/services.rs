@@ -25,7 +25,7 @@ const OPERATOR: Requirement = Requirement::OPERATOR;
 const CAMPAIGNS: MethodRequirements = &[
     ("CreateCampaign", OPERATOR, Decision),
     ("GetCampaign", VIEWER, Light),
-    ("ListCampaigns", VIEWER, Light),
+    ("ListCampaigns", VIEWER, Reading),
     ("WatchCampaign", VIEWER, Streaming),
     ("PauseCampaign", OPERATOR, Decision),
     ("ResumeCampaign", OPERATOR, Decision),
@@ -43,7 +43,7 @@ const CAMPAIGNS: MethodRequirements = &[
 ];
 
 const CHECKPOINTS: MethodRequirements = &[
-    ("ListCheckpoints", VIEWER, Light),
+    ("ListCheckpoints", VIEWER, Reading),
     ("GetCheckpoint", AnyMachineOr(Role::Viewer), Light),
     ("FetchCheckpoint", AnyMachineOr(Role::Viewer), Reading),
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator), Decision),

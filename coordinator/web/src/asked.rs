@@ -13,8 +13,11 @@ use axum::{
     http::request::Parts,
     response::IntoResponse as _,
 };
-use murmuration_swarm::{Invalid, text};
+use murmuration_swarm::{Invalid, counted, text};
 use serde::de::DeserializeOwned;
+
+/// Maximum number of fields of a form: a field takes far more memory than its bytes.
+const MOST_FIELDS: usize = 1000;
 
 /// The query of a request's address.
 #[derive(Debug)]
@@ -46,6 +49,11 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Form<T> {
         let RawForm(form) = RawForm::from_request(again(body), state)
             .await
             .map_err(|rejection| PageError::Unread(rejection.into_response().status()))?;
+        let fields = 1 + form.iter().filter(|&&byte| byte == b'&').count();
+        if fields > MOST_FIELDS {
+            let value = counted(fields as u64, "field");
+            return Err(Invalid::new("the form", value, format!("at most {MOST_FIELDS} fields")).into());
+        }
         let read = extract::Form::from_request(again(Body::from(form.clone())), state).await;
         read.map(|axum::Form(read)| Self(read))
             .map_err(|rejection| match rejection {
@@ -64,7 +72,13 @@ fn refused(message: &str, pairs: &[u8]) -> Invalid {
     let find = |field: &str| pairs.iter().find(|(name, _)| name == field);
     let part = |separator| message.split(separator).nth(1).unwrap_or_default();
     if let Some((field, value)) = find(part(": ")) {
-        return Invalid::new(field, text::quoted(value), "a value that this page takes");
+        // The text of our own errors says what is allowed; the texts of the library are not for people.
+        let allowed = message.split_once(": must be ").map(|(_, allowed)| allowed);
+        return Invalid::new(
+            field,
+            text::quoted(value),
+            allowed.unwrap_or("a value that this page takes"),
+        );
     }
     match (part("`"), find(part("`"))) {
         (_, Some((field, value))) => Invalid::new(field, text::quoted(value), "given once"),

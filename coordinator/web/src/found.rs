@@ -3,7 +3,7 @@
 
 use murmuration_engine::campaign::ListedCampaign;
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_swarm::CampaignName;
+use murmuration_swarm::{CampaignName, Invalid, counted};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -26,13 +26,50 @@ pub(super) const STATES: [&str; 7] = [
 #[serde(default)]
 pub(super) struct Wanted {
     /// Words to find in the id, the state, the study or the first lines of the specification of a campaign.
-    pub(super) words: String,
+    pub(super) words: Words,
     /// The wanted state, from [`STATES`].
     pub(super) state: String,
     /// The study whose campaigns are wanted; the list then has one line for each campaign of the study.
     pub(super) study: String,
     /// The number of the page, from 0.
     pub(super) page: usize,
+}
+
+/// Words to find, at most [`MOST_CHARACTERS`] characters: every campaign is searched for every word.
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub(super) struct Words(String);
+
+/// Maximum length of the words to find.
+const MOST_CHARACTERS: usize = 200;
+
+impl TryFrom<String> for Words {
+    type Error = Invalid;
+
+    fn try_from(words: String) -> Result<Self, Invalid> {
+        let count = words.chars().count();
+        if count <= MOST_CHARACTERS {
+            return Ok(Self(words));
+        }
+        let value = counted(count as u64, "character");
+        Err(Invalid::new(
+            "words",
+            value,
+            format!("at most {MOST_CHARACTERS} characters"),
+        ))
+    }
+}
+
+impl From<Words> for String {
+    fn from(Words(words): Words) -> Self {
+        words
+    }
+}
+
+impl Words {
+    pub(super) fn as_str(&self) -> &str {
+        &self.0
+    }
 }
 
 #[derive(Debug, PartialEq, Eq)]
@@ -62,7 +99,7 @@ pub(super) enum Line {
 impl Wanted {
     /// Whether the search excludes any campaigns.
     pub(super) fn filters(&self) -> bool {
-        [&self.words, &self.state, &self.study]
+        [&self.words.0, &self.state, &self.study]
             .into_iter()
             .any(|asked| !asked.trim().is_empty())
     }
@@ -78,12 +115,8 @@ impl Wanted {
 
     /// The wanted page of `campaigns`, which are sorted oldest first.
     pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
-        let words: Vec<String> = self
-            .words
-            .to_lowercase()
-            .split_whitespace()
-            .map(str::to_owned)
-            .collect();
+        let words = self.words.0.to_lowercase();
+        let words: Vec<&str> = words.split_whitespace().collect();
         let matching: Vec<_> = campaigns
             .iter()
             .filter(|listed| self.matches(&words, listed))
@@ -99,13 +132,17 @@ impl Wanted {
         }
     }
 
-    fn matches(&self, words: &[String], listed: &ListedCampaign) -> bool {
+    fn matches(&self, words: &[&str], listed: &ListedCampaign) -> bool {
         let study = listed.head.study.as_ref().map_or("", CampaignName::as_str);
         let state = state_word(listed);
-        let text = || format!("{} {study} {state} {}", listed.head.id, listed.head.opening).to_lowercase();
-        (self.state.is_empty() || self.state == state)
-            && (self.study.is_empty() || self.study == study)
-            && (words.is_empty() || words.iter().all(|word| text().contains(word)))
+        if !self.state.is_empty() && self.state != state || !self.study.is_empty() && self.study != study {
+            return false;
+        }
+        if words.is_empty() {
+            return true;
+        }
+        let text = format!("{} {study} {state} {}", listed.head.id, listed.head.opening).to_lowercase();
+        words.iter().all(|word| text.contains(word))
     }
 
     /// All lines, newest first; a study has the place of its newest campaign.
@@ -180,7 +217,7 @@ mod tests {
     fn wanted(words: &str, state: &str, study: &str, page: usize) -> Wanted {
         let [words, state, study] = [words, state, study].map(str::to_owned);
         Wanted {
-            words,
+            words: words.try_into().unwrap(),
             state,
             study,
             page,
@@ -220,6 +257,13 @@ mod tests {
         assert_eq!(states, &BTreeMap::from([("paused", 60), ("running", 1)]));
         let unfolded = wanted("", "", "mini", 1).of(&campaigns);
         assert_eq!((unfolded.lines.len(), unfolded.pages), (11, 2));
+    }
+
+    #[test]
+    fn long_words_are_refused() {
+        assert!(Words::try_from("-".repeat(200)).is_ok());
+        let refused = Words::try_from("-".repeat(201)).unwrap_err().to_string();
+        assert_eq!(refused, "words = 201 characters: must be at most 200 characters");
     }
 
     #[test]

@@ -55,6 +55,7 @@ use murmuration_access::{
     Requirement::{self, Nothing},
     Seats, requests,
 };
+use murmuration_engine::campaign::ListedCampaign;
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
 use murmuration_service::{CampaignApi, LabelApi, Recent, blame_the_client};
 use murmuration_store::Store;
@@ -84,6 +85,8 @@ pub struct Web {
     pub reports: Reports,
     /// Latest message of each event stream.
     pub sights: Recent<String>,
+    /// The list of campaigns that searches share.
+    pub heads: Recent<Arc<Vec<ListedCampaign>>>,
     pub atlas: DrawnAtlas,
     /// The judge's latest verdicts on medoids.
     pub judged: Judged,
@@ -114,7 +117,7 @@ pub fn show_refusal(refusal: Refusal, request: &RequestHead) -> Response {
 /// The routes of all pages and assets, and of the requests of scripts.
 fn pages() -> GuardedRouter<Web> {
     GuardedRouter::default()
-        .get("/", VIEWER, Light, list::page)
+        .get("/", VIEWER, Reading, list::page)
         .get("/new", VIEWER, Light, new::page)
         .post("/new", OPERATOR, Decision, new::submitted)
         .get("/compare", VIEWER, Computing, side_by_side::page)
@@ -214,7 +217,7 @@ fn pages() -> GuardedRouter<Web> {
         .get(
             "/campaigns/{id}/individuals/{index}/starts",
             VIEWER,
-            Light,
+            Computing,
             taxonomy::starts::page,
         )
         .get(

@@ -14,12 +14,13 @@ use super::{
 };
 use axum::{extract::State, response::Redirect};
 use maud::{Markup, html};
-use murmuration_engine::campaign::{CampaignError, CampaignStatus};
+use murmuration_engine::{blocking::in_background, campaign::CampaignStatus};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
 use murmuration_swarm::{CampaignName, counted, grouped};
 use std::{
     collections::BTreeMap,
-    time::{SystemTime, UNIX_EPOCH},
+    sync::Arc,
+    time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
 pub(super) async fn page(
@@ -27,7 +28,7 @@ pub(super) async fn page(
     Query(wanted): Query<Wanted>,
     visitor: Visitor,
 ) -> Result<Markup, PageError> {
-    let table = table(&web, &wanted).await?;
+    let table = table(&web, &wanted, Duration::ZERO).await?;
     Ok(layout_with(
         "Campaigns",
         &visitor,
@@ -42,7 +43,7 @@ pub(super) async fn page(
                 "Without JavaScript this list does not update. Reload the page to see the current state."
             } }
             form #find.filters method="get" action="/" role="search" {
-                label { "Find " input #words name="words" type="search" placeholder="words" autocomplete="off" value=(wanted.words); }
+                label { "Find " input #words name="words" type="search" placeholder="words" autocomplete="off" value=(wanted.words.as_str()) maxlength="200"; }
                 label { "State "
                     select #state name="state" {
                         option value="" { "all" }
@@ -62,9 +63,15 @@ pub(super) async fn page(
     ))
 }
 
-/// The part of the list that changes over time, with the newest campaign first.
-pub(super) async fn table(web: &Web, wanted: &Wanted) -> Result<Markup, CampaignError> {
-    let found = wanted.of(&web.campaigns.heads().await?);
+/// The part of the list that changes over time, with the newest campaign first. All searches share a list of campaigns that is at
+/// most `age` old.
+pub(super) async fn table(web: &Web, wanted: &Wanted, age: Duration) -> Result<Markup, PageError> {
+    let heads = web.heads.follow(String::new());
+    let campaigns = heads
+        .within(age, async { web.campaigns.heads().await.map(Arc::new) })
+        .await?;
+    let of = wanted.clone();
+    let found = in_background(move |_| of.of(&campaigns)).await?;
     let statuses = web.campaigns.statuses(found.ids()).await?;
     let by_id: BTreeMap<&str, &CampaignStatus> = statuses
         .iter()

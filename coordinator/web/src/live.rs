@@ -14,7 +14,11 @@ use murmuration_service::Followed;
 use murmuration_swarm::CheckpointDigest;
 use serde::Serialize;
 use serde_json::json;
-use std::{convert::Infallible, sync::Arc, time::Duration};
+use std::{
+    convert::Infallible,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 use tokio::sync::{Mutex, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 
@@ -28,9 +32,11 @@ pub(super) async fn campaigns(
     Query(wanted): Query<Wanted>,
 ) -> Result<Events, PageError> {
     let sights = web.sights.follow(format!("campaigns {wanted:?}"));
+    // Kept while this page follows, so that the pages of all searches share one list.
+    let heads = web.heads.follow(String::new());
     let look = move || {
-        let (web, wanted) = (web.clone(), wanted.clone());
-        async move { Ok::<_, CampaignError>(list::table(&web, &wanted).await?.into_string()) }
+        let (web, wanted, _heads) = (web.clone(), wanted.clone(), heads.clone());
+        async move { Ok::<_, PageError>(list::table(&web, &wanted, INTERVAL).await?.into_string()) }
     };
     Ok(follow(sights, look))
 }
@@ -126,7 +132,8 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
 }
 
 /// Sends the result of `look` whenever the result changes, for as long as the client is connected. `look` runs several times a
-/// second for all followers of `sights` together, so that its cost must not grow with the archive.
+/// second for all followers of `sights` together, so that its cost must not grow with the archive. If `look` takes long, it runs
+/// for at most a fifth of the time.
 pub(super) fn follow<Look, Looked, E>(sights: Followed<String>, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
@@ -138,8 +145,12 @@ where
         let mut seen = None;
         // The first result must be new, even if other pages already follow `sights`.
         let mut age = Duration::ZERO;
-        while let Ok(sight) = sights.within(age, look()).await {
-            age = INTERVAL;
+        loop {
+            let begun = Instant::now();
+            let Ok(sight) = sights.within(age, look()).await else {
+                return;
+            };
+            age = INTERVAL.max(4 * begun.elapsed());
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 if events.send(Ok(Event::default().data(sight))).await.is_err() {
@@ -148,7 +159,7 @@ where
             }
             tokio::select! {
                 () = events.closed() => return,
-                () = tokio::time::sleep(INTERVAL) => {}
+                () = tokio::time::sleep(age) => {}
             }
         }
     });

@@ -215,7 +215,18 @@ async fn what_a_page_cannot_be_asked_for_is_told_on_a_page() {
         );
         assert!(!page.contains("deserialize"), "{page}");
     }
+    let long = format!("/?words={}", "-+".repeat(101));
+    let answer = browser.get(&long).await;
+    assert_eq!(answer.status(), StatusCode::BAD_REQUEST);
+    let page = answer.text().await.unwrap();
+    assert!(page.contains("at most 200 characters"), "{page}");
     let origin = browser.url.clone();
+    let answer = browser
+        .post("/play/motion", &[("a", ""); 1001], Some(&origin))
+        .await;
+    assert_eq!(answer.status(), StatusCode::BAD_REQUEST);
+    let answer = answer.text().await.unwrap();
+    assert!(answer.contains("at most 1000 fields"), "{answer}");
     let answer = browser.post("/login", &[("other", "x")], Some(&origin)).await;
     assert_eq!(answer.status(), StatusCode::BAD_REQUEST);
     let page = answer.text().await.unwrap();

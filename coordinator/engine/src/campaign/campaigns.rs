@@ -263,27 +263,6 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Every campaign, oldest first.
-    pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let at_work = self.registry.snapshots();
-        let read = |store: &Store| {
-            let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
-            store
-                .campaigns()?
-                .into_iter()
-                .map(noted)
-                .collect::<Result<Vec<_>, StoreError>>()
-        };
-        let records = self.context.store.run(read).await?;
-        Ok(records
-            .into_iter()
-            .map(|(notices, record)| {
-                let snapshot = at_work.get(&record.id).cloned().unwrap_or_default();
-                self.merged(snapshot, record, notices)
-            })
-            .collect())
-    }
-
     /// For each campaign, oldest first, the fields that a search of the list uses.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
         let at_work = self.registry.snapshots();

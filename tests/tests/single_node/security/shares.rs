@@ -63,15 +63,19 @@ async fn archives_that_one_viewer_does_not_read_hold_a_share_and_no_more() {
         let whole = whole(answer.into_inner()).await.unwrap();
         assert_eq!(whole.individuals.len() as u64, small_spec("").evaluations());
     }
-    operator
-        .list_campaigns(v1::ListCampaignsRequest {})
-        .await
-        .unwrap();
+    let list = operator.list_campaigns(v1::ListCampaignsRequest {}).await;
+    assert_eq!(
+        whole(list.unwrap().into_inner()).await.unwrap().campaigns.len(),
+        1
+    );
     let further = asked.try_join_next();
     assert!(further.is_none(), "the viewer has more than a share: {further:?}");
     // The viewer's cheap requests are served too.
     let mut light = CampaignServiceClient::new(viewer);
-    light.list_campaigns(v1::ListCampaignsRequest {}).await.unwrap();
+    let one = v1::GetCampaignRequest {
+        campaign: "small-1".to_owned(),
+    };
+    light.get_campaign(one).await.unwrap();
     // Reading one archive to its end makes room for the next.
     whole(held.pop().unwrap().into_inner()).await.unwrap();
     held.push(asked.join_next().await.unwrap().unwrap());

@@ -127,6 +127,20 @@ async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_long_list_comes_in_parts_and_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let mut created = Vec::new();
+    for _ in 0..120 {
+        created.push(cluster.create(&small_spec("")).await);
+    }
+    let listed = cluster.campaigns().await;
+    let ids: Vec<_> = listed.into_iter().map(|campaign| campaign.id).collect();
+    assert_eq!(ids, created);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_id_that_was_typed_wrongly_leads_to_the_campaign_that_was_meant() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
