@@ -5,6 +5,7 @@
 
 use crate::{Store, StoreError};
 use rusqlite::params;
+use std::time::Duration;
 
 /// The state of the row of a hidden campaign.
 pub(crate) const HIDDEN: &str = "hidden";
@@ -26,6 +27,9 @@ pub(crate) const TABLES: [(&str, &str, i64); 11] = [
 ];
 const ROWS: i64 = if cfg!(test) { 16 } else { 1024 };
 const CHUNKS: i64 = 16;
+
+/// Time between two transactions that remove rows.
+const PAUSE: Duration = Duration::from_millis(1);
 
 /// The id of a hidden campaign. No visible campaign has an id that begins with a dot.
 pub(crate) fn hidden_id(number: i64) -> String {
@@ -59,7 +63,10 @@ impl Store {
                 "DELETE FROM {table} WHERE campaign = ?1 AND ({key}) IN
                     (SELECT {key} FROM {table} WHERE campaign = ?1 LIMIT ?2)"
             );
-            while self.write(|transaction| Ok(transaction.execute(&some, params![number, most])?))? > 0 {}
+            while self.write(|transaction| Ok(transaction.execute(&some, params![number, most])?))? > 0 {
+                // The lock of the store is not fair: without a pause, this thread would take it again before others.
+                std::thread::sleep(PAUSE);
+            }
         }
         self.write(|transaction| {
             let row = "DELETE FROM campaigns WHERE number = ?1 AND state = ?2";

@@ -66,7 +66,7 @@ use std::{
     path::Path,
     sync::{
         Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
 };
 
@@ -82,6 +82,10 @@ pub struct Store {
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
     /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
+    /// Length of the log from which changes write the log into the database.
+    long_log: Arc<AtomicU64>,
+    /// Held while an export copies a campaign: the log cannot be restarted meanwhile.
+    copying: Arc<tokio::sync::Mutex<()>>,
     /// Current labels of the campaigns.
     followed: Arc<labels::Followed>,
     /// The run that writes through this handle, if any. Each write first checks that this run is still current.
@@ -133,6 +137,8 @@ impl Store {
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             sync_failed: Arc::default(),
+            long_log: Arc::new(AtomicU64::new(open::LONG_LOG)),
+            copying: Arc::default(),
             followed: Arc::default(),
             run: None,
         }
@@ -203,15 +209,31 @@ impl Store {
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }
-        if changed.is_ok() && open::has_long_log(&self.path) {
-            let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
-            // The change is on disk even if the log cannot be shortened.
-            if let Err(error) = open::shorten_log(&connection) {
-                tracing::warn!(%error, "the log of the database could not be written into it");
-                self.sync_failed.store(true, Ordering::Relaxed);
-            }
+        if changed.is_ok() {
+            self.shorten_long_log(&connection);
         }
         changed
+    }
+
+    /// Writes a long log into the database. If an export keeps a part of the log in use, the next attempt is made when the log is
+    /// longer by [`open::LONG_LOG`], because an attempt waits for all readers.
+    fn shorten_long_log(&self, connection: &Connection) {
+        let len = open::log_len(&self.path);
+        if len <= self.long_log.load(Ordering::Relaxed) {
+            return;
+        }
+        let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
+        let until = match open::shorten_log(connection) {
+            Ok(true) => open::LONG_LOG,
+            Ok(false) => len + open::LONG_LOG,
+            // The changes are on disk even if the log cannot be shortened.
+            Err(error) => {
+                tracing::warn!(%error, "the log of the database could not be written into it");
+                self.sync_failed.store(true, Ordering::Relaxed);
+                open::LONG_LOG
+            }
+        };
+        self.long_log.store(until, Ordering::Relaxed);
     }
 
     fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {

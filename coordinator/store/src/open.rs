@@ -136,15 +136,19 @@ pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreEr
     }
 }
 
-/// Whether the database's log is longer than [`LONG_LOG`].
-pub(super) fn has_long_log(path: &Path) -> bool {
+/// Length of the database's log in bytes.
+pub(super) fn log_len(path: &Path) -> u64 {
     let log = with_suffix(path, "-wal");
-    log.metadata().is_ok_and(|log| log.len() > LONG_LOG)
+    log.metadata().map_or(0, |log| log.len())
 }
 
-/// Writes the log into the database, as far as other reading processes allow, so that the next change restarts the log.
-pub(super) fn shorten_log(connection: &Connection) -> rusqlite::Result<()> {
-    connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |_| Ok(()))
+/// Writes the log into the database, as far as exports and other processes that read allow. Returns whether the whole log was
+/// written, so that the next change restarts the log.
+pub(super) fn shorten_log(connection: &Connection) -> rusqlite::Result<bool> {
+    connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| {
+        let (frames, written): (i64, i64) = (row.get(1)?, row.get(2)?);
+        Ok(frames == written)
+    })
 }
 
 /// Copies every page of a database as of one instant, even while other connections write.

@@ -5,6 +5,7 @@ use crate::blocking::in_background;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use murmuration_model::{CampaignId, CampaignState, Weight};
 use murmuration_swarm::CampaignSpec;
+use rusqlite::Transaction;
 use std::{
     sync::{
         atomic::{AtomicBool, Ordering},
@@ -247,6 +248,35 @@ fn readers_that_overlap_do_not_have_the_log_grow_without_end() {
         longest
     });
     assert!(longest < 4 * open::LONG_LOG, "{longest}");
+}
+
+#[test]
+fn a_log_in_use_by_an_export_is_written_again_only_once_it_is_much_longer() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, _) = open(folder.path());
+    let write = |bytes: u64| {
+        let note = "x".repeat(bytes as usize);
+        let change = |transaction: &Transaction<'_>| -> Result<usize, StoreError> {
+            Ok(transaction.execute("UPDATE campaigns SET error = ?1", [&note])?)
+        };
+        store.write(change).unwrap();
+    };
+    let exports = open::to_read(&store.path).unwrap();
+    let snapshot = exports.unchecked_transaction().unwrap();
+    let count = |connection: &Connection| -> i64 {
+        connection
+            .query_row("SELECT count(*) FROM campaigns", [], |row| row.get(0))
+            .unwrap()
+    };
+    count(&snapshot);
+    write(2 * open::LONG_LOG);
+    let next = store.long_log.load(Ordering::Relaxed);
+    assert!(next > 3 * open::LONG_LOG, "{next}");
+    write(10);
+    assert_eq!(store.long_log.load(Ordering::Relaxed), next);
+    drop(snapshot);
+    write(2 * open::LONG_LOG);
+    assert_eq!(store.long_log.load(Ordering::Relaxed), open::LONG_LOG);
 }
 
 #[test]

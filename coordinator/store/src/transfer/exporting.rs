@@ -15,7 +15,7 @@ use murmuration_model::{CampaignId, CampaignState};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
-use std::{fs::File, path::Path};
+use std::{fs::File, path::Path, sync::PoisonError};
 use tempfile::TempDir;
 
 /// Steps of SQLite's virtual machine between two checks whether the export is still wanted.
@@ -61,7 +61,9 @@ pub async fn export(
     campaign: &CampaignId,
 ) -> Result<File, CheckpointError> {
     let (source, data, id) = (store.clone(), data.to_path_buf(), campaign.clone());
+    let alone = store.copying.lock().await;
     let (mut copy, digests) = on_disk(move |interrupt| Copy::of(&source, &data, id, interrupt)).await?;
+    drop(alone);
     for digest in digests {
         let model = checkpoints.fetch(digest).await?;
         copy = on_disk(move |_| copy.add_model(digest, &model).map(|()| copy)).await?;
@@ -85,6 +87,10 @@ impl Copy {
         campaign: CampaignId,
         interrupt: &Interrupt,
     ) -> Result<(Self, Vec<CheckpointDigest>), StoreError> {
+        // If the whole log is in the database, the copy does not read the log, and a change can restart it meanwhile.
+        let writes = source.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        source.shorten_long_log(&writes);
+        drop(writes);
         let folder = new_folder(data)?;
         let path = folder.path().join("campaign.sqlite");
         let named = |source| StoreError::from_sqlite(source, &path);
