@@ -7,7 +7,7 @@ use super::{
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
     response_body::Bodies,
-    seats::{CostClass, NoSeat, Principal, Seats},
+    seats::{Client, CostClass, NoSeat, Principal, Seats},
     sessions::Session,
 };
 use crate::{
@@ -115,6 +115,7 @@ impl Gate {
                 {
                     request.extensions_mut().insert(machine);
                 }
+                request.extensions_mut().insert(Client(principal));
                 let class = requirement.class_for(principal, class);
                 let is_known = requirement != Requirement::Nothing
                     || matches!(principal, Principal::Token(_) | Principal::Machine(_));

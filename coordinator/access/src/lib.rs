@@ -33,7 +33,7 @@ pub use machine::{ByCertificate, MachineKind, origin};
 pub use origin::Hosts;
 pub use requirement::{MethodRequirements, Requirement, Requirements, Role};
 pub use router::GuardedRouter;
-pub use seats::{ClassSeats, CostClass, NoClassSeats, NoSeat, SeatCounts, SeatLimits, Seats};
+pub use seats::{ClassSeats, Client, CostClass, NoClassSeats, NoSeat, SeatCounts, SeatLimits, Seats};
 pub use sessions::Sessions;
 pub use tokens::{HolderName, Tokens, TokensError, file_entry};
 

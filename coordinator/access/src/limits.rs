@@ -66,7 +66,10 @@ pub const MAX_NAMING_MESSAGE: usize = 64 << 10;
 pub(crate) const MAX_PROBE_MESSAGE: usize = 1 << 10;
 /// A message with more bytes than this needs room while it arrives.
 pub(crate) const LONG_MESSAGE: usize = 2 << 20;
-/// Maximum number of bytes of long messages that are arriving, from all principals and from one principal.
+/// Slowest pace at which a long message arrives, in bytes a second: a slower message would keep its room from others.
+pub(crate) const LONG_MESSAGE_PACE: usize = 64 << 10;
+/// Maximum number of bytes of long messages that are arriving: from all principals, half for people and half for machines, and
+/// from one principal.
 pub(crate) const MAX_ARRIVING: usize = 1 << 30;
 pub(crate) const MAX_ARRIVING_PER_PRINCIPAL: usize = 256 << 20;
 /// Bytes of a message with labels: the most answers that one message may hold, with the longest names.

@@ -4,8 +4,8 @@
 use crate::{
     Role,
     limits::{
-        LONG_MESSAGE, MAX_ARRIVING, MAX_ARRIVING_PER_PRINCIPAL, MAX_LABEL_MESSAGE, MAX_MESSAGE,
-        MAX_NAMING_MESSAGE, MAX_PROBE_MESSAGE, MAX_WORKER_MESSAGE,
+        LONG_MESSAGE, LONG_MESSAGE_PACE, MAX_ARRIVING, MAX_ARRIVING_PER_PRINCIPAL, MAX_LABEL_MESSAGE,
+        MAX_MESSAGE, MAX_NAMING_MESSAGE, MAX_PROBE_MESSAGE, MAX_WORKER_MESSAGE, PART_LIMIT,
     },
     machine::MachineKind,
     requirement::Requirement,
@@ -19,8 +19,12 @@ use futures_util::stream::unfold;
 use std::{
     collections::HashMap,
     sync::{Arc, Mutex, PoisonError, Weak},
+    time::Duration,
 };
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::{
+    sync::{OwnedSemaphorePermit, Semaphore},
+    time::{Instant, timeout_at},
+};
 use tokio_stream::StreamExt as _;
 use tonic::Status;
 
@@ -47,14 +51,17 @@ pub(crate) struct MessageRoom(Arc<Room>);
 
 #[derive(Debug)]
 struct Room {
-    all: Arc<Semaphore>,
+    of_people: Arc<Semaphore>,
+    /// The room of machines' messages, which people cannot take.
+    of_machines: Arc<Semaphore>,
     by_principal: Mutex<HashMap<Principal, Weak<Semaphore>>>,
 }
 
 impl Default for MessageRoom {
     fn default() -> Self {
         Self(Arc::new(Room {
-            all: Arc::new(Semaphore::new(MAX_ARRIVING / UNIT)),
+            of_people: Arc::new(Semaphore::new(MAX_ARRIVING / 2 / UNIT)),
+            of_machines: Arc::new(Semaphore::new(MAX_ARRIVING / 2 / UNIT)),
             by_principal: Mutex::default(),
         }))
     }
@@ -70,7 +77,10 @@ impl MessageRoom {
         let arriving = Arriving {
             body: body.into_data_stream(),
             longest: longest(requirement),
-            room: self.clone(),
+            all: Arc::clone(match requirement {
+                Requirement::Machine(_) => &self.0.of_machines,
+                _ => &self.0.of_people,
+            }),
             own: self.of(principal),
             head: Vec::with_capacity(HEAD),
             left: 0,
@@ -100,19 +110,33 @@ impl MessageRoom {
 struct Arriving {
     body: BodyDataStream,
     longest: usize,
-    room: MessageRoom,
+    all: Arc<Semaphore>,
     own: Arc<Semaphore>,
     /// The bytes of the next message's head that have arrived.
     head: Vec<u8>,
     /// Number of bytes of the present message that have not arrived.
     left: usize,
     /// The room of the present message, if it is long.
-    held: Option<[OwnedSemaphorePermit; 2]>,
+    held: Option<HeldRoom>,
+}
+
+/// The room of a message, and the time until which the message must have arrived.
+struct HeldRoom {
+    until: Instant,
+    _permits: [OwnedSemaphorePermit; 2],
 }
 
 impl Arriving {
     async fn next(&mut self) -> Result<Option<Bytes>, BoxError> {
-        let Some(part) = self.body.next().await.transpose()? else {
+        let next = match &self.held {
+            Some(held) if self.left > 0 => timeout_at(held.until, self.body.next()).await,
+            _ => Ok(self.body.next().await),
+        };
+        let Ok(next) = next else {
+            let message = "the message arrived too slowly, and others wait for its room: send it again";
+            return Err(Status::deadline_exceeded(message).into());
+        };
+        let Some(part) = next.transpose()? else {
             return Ok(None);
         };
         let mut rest = part.as_ref();
@@ -152,8 +176,11 @@ impl Arriving {
             let permits = u32::try_from(length.div_ceil(UNIT)).unwrap_or(u32::MAX);
             let closed = |_| Status::unavailable("the coordinator is shutting down");
             let own = Arc::clone(&self.own).acquire_many_owned(permits).await;
-            let all = Arc::clone(&self.room.0.all).acquire_many_owned(permits).await;
-            self.held = Some([own.map_err(closed)?, all.map_err(closed)?]);
+            let all = Arc::clone(&self.all).acquire_many_owned(permits).await;
+            self.held = Some(HeldRoom {
+                _permits: [own.map_err(closed)?, all.map_err(closed)?],
+                until: Instant::now() + PART_LIMIT + Duration::from_secs((length / LONG_MESSAGE_PACE) as u64),
+            });
         }
         Ok(())
     }
@@ -237,5 +264,43 @@ mod tests {
         assert!(parts.next().await.is_some());
         open.clear();
         assert!(waiting.next().await.is_some());
+    }
+
+    #[tokio::test]
+    async fn people_take_no_room_from_machines() {
+        let room = MessageRoom::default();
+        let begun = framed(MAX_LABEL_MESSAGE)[..1000].to_vec();
+        let mut open = Vec::new();
+        for place in 0..MAX_ARRIVING / 2 / MAX_LABEL_MESSAGE {
+            let address = place * MAX_LABEL_MESSAGE / MAX_ARRIVING_PER_PRINCIPAL;
+            let (sender, mut parts) = body(&room, Requirement::ANNOTATOR, address as u8);
+            sender.send(Ok(begun.clone())).await.unwrap();
+            assert!(parts.next().await.is_some());
+            open.push((sender, parts));
+        }
+        let (sender, mut parts) = body(&room, Requirement::ANNOTATOR, 100);
+        sender.send(Ok(begun)).await.unwrap();
+        assert!(timeout(Duration::from_millis(50), parts.next()).await.is_err());
+        let (sender, mut parts) = body(&room, Requirement::Machine(MachineKind::Worker), 101);
+        let begun = framed(MAX_WORKER_MESSAGE)[..1000].to_vec();
+        sender.send(Ok(begun)).await.unwrap();
+        assert!(parts.next().await.is_some());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_long_message_that_comes_byte_by_byte_fails() {
+        let room = MessageRoom::default();
+        let (sender, parts) = body(&room, Requirement::ANNOTATOR, 1);
+        let message = framed(LONG_MESSAGE + 1);
+        let trickle = tokio::spawn(async move {
+            for byte in message {
+                if sender.send(Ok(vec![byte])).await.is_err() {
+                    return;
+                }
+                tokio::time::sleep(PART_LIMIT / 2).await;
+            }
+        });
+        assert_eq!(all(parts).await, Err(Code::DeadlineExceeded));
+        trickle.await.unwrap();
     }
 }

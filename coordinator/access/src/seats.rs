@@ -94,6 +94,22 @@ pub(crate) enum Principal {
     Unknown,
 }
 
+/// The client that made a request, for handlers that share something among clients: they find this value in the request's
+/// extensions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Client(pub(crate) Principal);
+
+impl Client {
+    /// A request without a connection, in tests.
+    pub const UNKNOWN: Self = Self(Principal::Unknown);
+
+    /// A client without credentials, by its address.
+    #[must_use]
+    pub fn at(address: IpAddr) -> Self {
+        Self(Principal::at(address))
+    }
+}
+
 /// Why a request has no seat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoSeat {

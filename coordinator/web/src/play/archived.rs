@@ -8,9 +8,11 @@ use super::{
 };
 use crate::asked::Form;
 use axum::{
+    Extension,
     extract::{Path, State},
     response::IntoResponse,
 };
+use murmuration_access::Client;
 use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::Invalid;
@@ -28,6 +30,7 @@ pub(in super::super) struct Wanted {
 /// A piece of the motion of an individual, in the format of [`motion`](super::motion).
 pub(in super::super) async fn pieces(
     State(web): State<Web>,
+    Extension(client): Extension<Client>,
     Path(id): Path<String>,
     Form(Wanted { index, from }): Form<Wanted>,
 ) -> Result<impl IntoResponse, Refused> {
@@ -55,5 +58,5 @@ pub(in super::super) async fn pieces(
         seed: individual.seed,
         world,
     };
-    piece(web, play, first).await
+    piece(web, client, play, first).await
 }

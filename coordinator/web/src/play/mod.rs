@@ -24,6 +24,7 @@ use super::{
 };
 use address::{Address, Parameters, Play};
 use axum::{
+    Extension,
     extract::State,
     http::header::{CACHE_CONTROL, CONTENT_TYPE},
     response::{IntoResponse, Redirect},
@@ -31,6 +32,7 @@ use axum::{
 use compare::check_cost;
 use maud::Markup;
 use motion::{Kept, MOST_STEPS};
+use murmuration_access::Client;
 use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, NewCampaign};
 use murmuration_service::OrStatus as _;
@@ -80,17 +82,18 @@ async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError
 /// A piece of the motion of the address's swarm, from the step `from` on.
 pub(super) async fn motion(
     State(web): State<Web>,
+    Extension(client): Extension<Client>,
     Form(mut parameters): Form<Parameters>,
 ) -> Result<impl IntoResponse, Refused> {
     let first = first_step(&mut parameters)?;
     let play = strictly(&parameters)?;
-    piece(web, play, first).await
+    piece(web, client, play, first).await
 }
 
 /// A piece of the motion of a swarm, from the step `first` on.
-async fn piece(web: Web, play: Play, first: u32) -> Result<impl IntoResponse, Refused> {
+async fn piece(web: Web, client: Client, play: Play, first: u32) -> Result<impl IntoResponse, Refused> {
     let simulated = in_background(move |interrupt| {
-        let piece = web.play.0.piece(&play, first, interrupt)?;
+        let piece = web.play.0.piece(client, &play, first, interrupt)?;
         Ok::<_, Status>(piece.bytes())
     });
     let bytes = simulated.await.or_status()??;

@@ -4,6 +4,7 @@
 //! are kept in memory for this purpose. A swarm that is no longer kept is simulated again from its start, to the same bits.
 
 use super::address::Play;
+use murmuration_access::Client;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_sim::simulate::{Agent, Start, Swarm};
 use murmuration_swarm::Invalid;
@@ -20,7 +21,8 @@ const MOST_FRAMES: usize = 600;
 const MOST_POSES: usize = 120_000;
 /// Maximum number of robots for a frame at every step; larger swarms have a frame only at every other step.
 const EVERY_STEP: u32 = 256;
-/// Number of kept swarms: enough for 16 people who play at the same time.
+/// Number of kept swarms: enough for 16 people who play at the same time. Another swarm takes the place of the oldest swarm of the
+/// client that has most swarms.
 const MOST_KEPT: usize = 16;
 /// Maximum simulation time of a request before its piece begins. If the time is too short, the next request continues the
 /// simulation.
@@ -43,11 +45,18 @@ pub(super) struct Piece {
     sensed: Vec<u8>,
 }
 
+#[derive(Debug)]
+struct KeptSwarm {
+    client: Client,
+    play: Play,
+    swarm: Swarm,
+}
+
 /// The latest simulated swarms, and the time limits of requests.
 #[derive(Debug)]
 pub(super) struct Kept {
     /// The swarms, the latest last.
-    swarms: Mutex<Vec<(Play, Swarm)>>,
+    swarms: Mutex<Vec<KeptSwarm>>,
     /// The time limits before a piece begins, and during the piece.
     limits: [Duration; 2],
 }
@@ -115,7 +124,13 @@ impl Kept {
     ///
     /// # Errors
     /// If the swarm cannot be simulated or did not reach the step within the time limit, or if the client has left.
-    pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
+    pub(super) fn piece(
+        &self,
+        client: Client,
+        play: &Play,
+        first: u32,
+        interrupt: &Interrupt,
+    ) -> Result<Piece, Status> {
         let mut swarm = self.reached(play, first)?;
         let mut piece = Piece::begun(play, first);
         let [before, during] = self.limits;
@@ -131,7 +146,7 @@ impl Kept {
             }
         }
         let reached = swarm.steps();
-        self.keep(play, swarm);
+        self.keep(client, play, swarm);
         match piece.frames() {
             0 | 1 => Err(Status::unavailable(format!(
                 "the simulation has reached step {reached}: try again"
@@ -143,20 +158,33 @@ impl Kept {
     /// The kept swarm that is nearest before a step, or a new swarm at its start.
     fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = |(_, (of, swarm)): &(usize, &(Play, Swarm))| of == play && swarm.steps() <= step;
+        let before = |(_, kept): &(usize, &KeptSwarm)| kept.play == *play && kept.swarm.steps() <= step;
         let found = kept.iter().enumerate().filter(before);
-        let found = found.max_by_key(|(_, (_, swarm))| swarm.steps());
+        let found = found.max_by_key(|(_, kept)| kept.swarm.steps());
         match found.map(|(place, _)| place) {
-            Some(place) => Ok(kept.remove(place).1),
+            Some(place) => Ok(kept.remove(place).swarm),
             None => Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed)),
         }
     }
 
-    fn keep(&self, play: &Play, swarm: Swarm) {
+    fn keep(&self, client: Client, play: &Play, swarm: Swarm) {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.push((play.clone(), swarm));
-        let most = kept.len().saturating_sub(MOST_KEPT);
-        kept.drain(..most);
+        kept.push(KeptSwarm {
+            client,
+            play: play.clone(),
+            swarm,
+        });
+        while kept.len() > MOST_KEPT {
+            let of = |client: Client| kept.iter().filter(|kept| kept.client == client).count();
+            // `max_by_key` returns the last of several equal maxima, so `rev` puts the oldest swarm last.
+            let oldest = kept
+                .iter()
+                .enumerate()
+                .rev()
+                .max_by_key(|(_, kept)| of(kept.client));
+            let place = oldest.map_or(0, |(place, _)| place);
+            kept.remove(place);
+        }
     }
 }
 
@@ -198,7 +226,8 @@ mod tests {
     }
 
     fn piece(kept: &Kept, play: &Play, first: u32) -> Piece {
-        kept.piece(play, first, &Interrupt::default()).unwrap()
+        kept.piece(Client::UNKNOWN, play, first, &Interrupt::default())
+            .unwrap()
     }
 
     fn swarm(play: &Play) -> Swarm {
@@ -262,10 +291,27 @@ mod tests {
     }
 
     #[test]
+    fn a_client_with_many_swarms_does_not_displace_those_of_others() {
+        let kept = unhurried();
+        let own = play("24", "1000");
+        piece(&kept, &own, 0);
+        let guest = Client::at([10, 0, 0, 1].into());
+        for seed in 0..40 {
+            let swarm = play("24", &seed.to_string());
+            kept.piece(guest, &swarm, 0, &Interrupt::default()).unwrap();
+        }
+        let swarms = kept.swarms.lock().unwrap();
+        assert_eq!(swarms.len(), MOST_KEPT);
+        assert!(swarms.iter().any(|kept| kept.play == own));
+    }
+
+    #[test]
     fn what_nobody_wants_any_more_is_not_simulated() {
         let (kept, interrupt) = (unhurried(), Interrupt::default());
         interrupt.raise();
-        let refused = kept.piece(&play("1000", "1"), 500_000, &interrupt).unwrap_err();
+        let refused = kept
+            .piece(Client::UNKNOWN, &play("1000", "1"), 500_000, &interrupt)
+            .unwrap_err();
         assert_eq!(refused.code(), tonic::Code::Unavailable);
         assert_eq!(refused.message(), "the simulation has reached step 0: try again");
     }

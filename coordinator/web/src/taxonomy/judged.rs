@@ -5,13 +5,14 @@ use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
 use murmuration_engine::taxonomy::Medoid;
 use murmuration_model::CampaignRecord;
-use murmuration_service::OrStatus as _;
+use murmuration_service::{self as service, OrStatus as _};
 use murmuration_store::Store;
 use murmuration_swarm::{Controller, Purpose, RandomStream, Starts, Verdict};
 use rand::RngExt as _;
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Arc, Mutex, PoisonError},
+    time::Duration,
 };
 use tonic::Status;
 
@@ -27,8 +28,8 @@ const MOST_WORDS: usize = 4096;
 pub struct Judged {
     starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
     words: Arc<Mutex<Recent<Verdict>>>,
-    /// Only one request at a time asks the workers, because the other requests often need the same verdicts.
-    gate: Arc<tokio::sync::Mutex<()>>,
+    /// Only one request at a time asks the workers about the same medoids or the same individual; the others wait for its verdicts.
+    asking: service::Recent<()>,
 }
 
 /// A further start of an individual.
@@ -95,7 +96,12 @@ impl Judged {
         record: &CampaignRecord,
         medoids: &[Medoid],
     ) -> Result<(), Status> {
-        let _alone = self.gate.lock().await;
+        let asking = self.asking.follow(format!("medoids of {}", record.id));
+        let ask = self.judge(web, record, medoids);
+        asking.within(Duration::ZERO, ask).await
+    }
+
+    async fn judge(&self, web: &Web, record: &CampaignRecord, medoids: &[Medoid]) -> Result<(), Status> {
         let known = self.known(record, medoids);
         let open = medoids.iter().map(|medoid| &medoid.individual);
         let open: Vec<_> = open
@@ -125,9 +131,24 @@ impl Judged {
         if let Some(known) = lock(&self.starts).get(&key) {
             return Ok(known);
         }
-        let _alone = self.gate.lock().await;
-        if let Some(known) = lock(&self.starts).get(&key) {
-            return Ok(known);
+        let asking = self.asking.follow(format!("starts of {key:?}"));
+        let ask = self.further_starts(web, record, index, &key);
+        asking.within(Duration::ZERO, ask).await?;
+        lock(&self.starts)
+            .get(&key)
+            .ok_or_else(|| Status::unavailable("others asked for many starts meanwhile: try again"))
+    }
+
+    /// Lets workers simulate and judge the further starts of an individual, unless they are known.
+    async fn further_starts(
+        &self,
+        web: &Web,
+        record: &CampaignRecord,
+        index: u64,
+        key: &Key,
+    ) -> Result<(), Status> {
+        if lock(&self.starts).get(key).is_some() {
+            return Ok(());
         }
         let (id, model) = (record.id.clone(), record.spec.model().clone());
         let read = move |store: &Store| store.individual(&id, &model, index);
@@ -137,8 +158,8 @@ impl Judged {
         let tasks = (first..first + STARTS).map(|start| (individual.controller.clone(), seed(start)));
         let evaluated = evaluated(web, record, tasks.collect()).await?;
         let starts: Arc<Vec<Start>> = Arc::new(evaluated.into_iter().flatten().collect());
-        lock(&self.starts).add(key, Arc::clone(&starts), MOST_STARTS);
-        Ok(starts)
+        lock(&self.starts).add(key.clone(), starts, MOST_STARTS);
+        Ok(())
     }
 }
 
