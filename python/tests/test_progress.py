@@ -85,3 +85,16 @@ def test_a_hidden_bar_has_stages_too(capfd: pytest.CaptureFixture[str]) -> None:
         bar.show(told(stage, 1))
     bar.close()
     assert bar.is_hidden and not capfd.readouterr().err
+
+
+def test_a_bar_prints_no_control_characters_of_a_coordinator(capfd: pytest.CaptureFixture[str]) -> None:
+    campaign = told(v1.CAMPAIGN_STAGE_EVOLVE, 1)
+    campaign.waiting = "\x1b]0;title\x07 " + "x" * 100_000
+    campaign.progress.unit = "\u202eepoch"
+    bar = Bar(shown=True)
+    bar.show(campaign)
+    bar.close()
+    printed = capfd.readouterr().err
+    assert "waiting: " in printed
+    assert not {"\x1b]", "\x07", "\u202e"} & {printed[i : i + n] for n in (1, 2) for i in range(len(printed))}
+    assert len(printed) < 30_000

@@ -20,7 +20,7 @@ from . import _archive as archive
 from . import _tables as tables
 from ._arguments import flag, path, shown, text, whole
 from ._arguments import index as index_
-from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, RefusedError, UnavailableError
+from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, RefusedError, UnavailableError, clean
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
@@ -129,9 +129,10 @@ class Campaign:
             for last in self._client.rpc.stream("CampaignService/WatchCampaign", request, v1.Campaign):
                 answers.identifier(last.id, self.id)
                 bar.show(last)
-                if last.waiting and bar.is_hidden and last.waiting not in printed:
-                    printed.add(last.waiting)
-                    warnings.warn(f"campaign {self.id} waits: {last.waiting}", RuntimeWarning, stacklevel=2)
+                waiting = clean(last.waiting)
+                if waiting and bar.is_hidden and waiting not in printed:
+                    printed.add(waiting)
+                    warnings.warn(f"campaign {self.id} waits: {waiting}", RuntimeWarning, stacklevel=2)
         finally:
             bar.close()
         if not last.id:
@@ -143,7 +144,7 @@ class Campaign:
             if state == "unknown":
                 newer = f"campaign {self.id} is in state {last.state}, which this version of the library does not know"
                 raise CampaignError(newer, state)
-            why = f": {last.error}" if last.error else ""
+            why = f": {clean(last.error)}" if last.error else ""
             raise CampaignError(f"campaign {self.id} is {state}{why}", state)
         return self
 

@@ -127,7 +127,7 @@ class Client:
                 created = self.rpc.call("CampaignService/CreateCampaign", request, v1.Campaign)
         except InvalidError as error:
             raise error if is_dict else error.reworded(f"{path('spec', spec)}: {error}") from None
-        return Campaign(self, created.id)
+        return Campaign(self, answers.identifier(created.id))
 
     def evaluate(
         self,

@@ -117,12 +117,12 @@ def of_status(error: grpc.RpcError) -> MurmurationError:
     # The error that grpc raises for a call is also the call, which has the status.
     if not isinstance(error, grpc.Call):
         return MurmurationError(str(error))
-    message = _clean(error.details() or error.code().name)
+    message = clean(error.details() or error.code().name)
     kind = _BY_CODE.get(error.code(), MurmurationError)
     return _invalid(message, error) if kind is InvalidError else kind(message)
 
 
-def _clean(text: str) -> str:
+def clean(text: str) -> str:
     """A coordinator's text, cut to a length to read, without characters that control a terminal."""
     return "".join(letter if letter.isprintable() or letter == "\n" else "\ufffd" for letter in text[:_LONGEST])
 
@@ -139,7 +139,8 @@ def _invalid(message: str, call: grpc.Call) -> InvalidError:
         request, info = error_details_pb2.BadRequest(), error_details_pb2.ErrorInfo()
         if detail.Unpack(request) and request.field_violations:
             violation = request.field_violations[0]
-            error.field, error.limit = violation.field, violation.description or None
+            error.field, error.limit = clean(violation.field), clean(violation.description) or None
         elif detail.Unpack(info):
-            error.value = info.metadata.get("value")
+            value = info.metadata.get("value")
+            error.value = None if value is None else clean(value)
     return error

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from . import _answers as answers
 from . import _tables as tables
 from ._arguments import plain, read, toml, whole
-from ._errors import InvalidError, MurmurationError
+from ._errors import InvalidError, MurmurationError, clean
 from ._rpc import Connection
 from .v1 import evaluation_pb2 as v1
 from .v1 import worker_pb2 as worker
@@ -106,7 +106,7 @@ def _whole(answered: Iterable[v1.EvaluateResponse], controllers: int) -> tuple[l
 
 def _evaluations(results: list[v1.EvaluateResult], side: int, pictures: bool) -> Evaluations:
     """The arrays of at least one result."""
-    failures = {number: result.failure for number, result in enumerate(results) if result.failure}
+    failures = {number: clean(result.failure) for number, result in enumerate(results) if result.failure}
     usual = next((result for result in results if not result.failure), None)
     if usual is None:
         raise MurmurationError(f"no controller could be evaluated: {failures[0]}")

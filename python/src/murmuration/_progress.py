@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 from tqdm import tqdm
 
 from ._answers import word
+from ._errors import clean
 from .v1 import campaign_pb2 as v1
 
 # Stages of training, which may end before their last epoch.
@@ -52,7 +53,7 @@ class Bar:
         bar.total = step.total
         bar.update(step.done - bar.n)
         if campaign.waiting:
-            bar.set_postfix_str(f"waiting: {campaign.waiting}")
+            bar.set_postfix_str(f"waiting: {clean(campaign.waiting)}")
         elif step.stage == "evolve" and campaign.HasField("mean_novelty"):
             bar.set_postfix_str(f"novelty {campaign.mean_novelty:.3g}")
         else:
@@ -133,4 +134,4 @@ def step_of(campaign: v1.Campaign) -> Step | None:
         stage = v1.CAMPAIGN_STAGE_EVOLVE
     name = word(v1.CampaignStage.Name, stage, "CAMPAIGN_STAGE_").replace("_", "-")
     progress = campaign.progress
-    return Step(name, progress.done, progress.total, f"{progress.unit}s")
+    return Step(name, progress.done, progress.total, f"{clean(progress.unit)}s")
