@@ -106,7 +106,8 @@ fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) -> Resu
     }
     if let Some(bucket) = &manifest.checkpoint_store {
         errln!(
-            "the checkpoints at {bucket} (--checkpoint-store) are not part of the backup: back them up there"
+            "the checkpoints at {} (--checkpoint-store) are not part of the backup: back them up there",
+            masked_url(bucket)
         );
     }
     Ok(())

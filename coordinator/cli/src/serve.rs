@@ -86,11 +86,22 @@ impl Serve {
                 ..dispatch::Options::default()
             },
         };
-        let cluster = LocalCluster::start(options, self.in_process.count()).await?;
+        // As the first process of a container, a process without handlers ignores these signals.
+        let ended = termination();
+        tokio::pin!(ended);
+        let started = LocalCluster::start(options, self.in_process.count());
+        let cluster = tokio::select! {
+            biased;
+            signal = &mut ended => {
+                errln!("{signal}; the coordinator had not started yet");
+                return Ok(());
+            }
+            cluster = started => cluster?,
+        };
         let url = cluster.coordinator().url();
         errln!("serving {} at {url}", global.data.display());
         self.say_how_to_reach(&url);
-        let signal = termination().await;
+        let signal = ended.await;
         errln!("{signal}; the next `murmuration serve` continues the running campaigns");
         cluster.shutdown().await?;
         Ok(())

@@ -7,7 +7,7 @@ use murmuration_store::{
     checkpoints::Condition,
     doctor::{self, CampaignFindings, Findings},
 };
-use murmuration_swarm::CheckpointDigest;
+use murmuration_swarm::{CheckpointDigest, text::masked_url};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -116,7 +116,7 @@ impl Backup {
             created: Time::of_ms(manifest.created_ms),
             database: manifest.database.clone(),
             checkpoints: manifest.checkpoints.clone(),
-            checkpoint_store: manifest.checkpoint_store.clone(),
+            checkpoint_store: manifest.checkpoint_store.as_deref().map(masked_url),
         }
     }
 }

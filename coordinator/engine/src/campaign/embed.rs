@@ -40,7 +40,8 @@ pub(super) async fn embed(
     else {
         return Ok(());
     };
-    let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
+    let found = context.checkpoints.embedder(checkpoint, spec.image());
+    let embedder = handle.unless_stopped(found).await??;
     let at_once = individuals_at_once(&spec, CHUNK) as u64;
     loop {
         let (of, model) = (id.clone(), spec.model().clone());

@@ -132,7 +132,7 @@ async fn wrong_individual(
     handle: &mut RunHandle,
 ) -> Result<Option<Wrong>, CampaignError> {
     let archived = archived(context, record, suspects).await?;
-    let embedder = context.embedder(record).await?;
+    let embedder = handle.unless_stopped(context.embedder(record)).await??;
     let moved = moved(context, record).await?;
     let tasks = archived
         .iter()
@@ -178,13 +178,11 @@ async fn wrong_embedding(
         return Ok(suspects.first().map(|suspect| Wrong::Embedding(suspect.place)));
     };
     let archived = archived(context, record, suspects).await?;
+    let embedder = context.checkpoints.embedder(checkpoint, record.spec.image());
     let job = EmbeddingJob {
         campaign: record.id.clone(),
         weight: record.weight,
-        embedder: context
-            .checkpoints
-            .embedder(checkpoint, record.spec.image())
-            .await?,
+        embedder: handle.unless_stopped(embedder).await??,
         starts: record.spec.starts(),
         images: archived.iter().map(|old| old.clone().into_images()).collect(),
     };

@@ -194,6 +194,19 @@ impl RunHandle {
         self.until_done(&job_progress, work).await
     }
 
+    /// Awaits something from elsewhere that the campaign needs, such as a checkpoint from a bucket that may not answer.
+    ///
+    /// # Errors
+    /// [`Interrupted`] if the campaign must stop.
+    pub(super) async fn unless_stopped<F: Future>(&self, work: F) -> Result<F::Output, Interrupted> {
+        let handle = self.commit_handle();
+        tokio::select! {
+            biased;
+            () = handle.stopped() => Err(Interrupted),
+            done = work => Ok(done),
+        }
+    }
+
     /// Awaits a future, and reports this progress and its obstacles meanwhile.
     ///
     /// # Errors

@@ -230,7 +230,7 @@ async fn restore(
     handle: &RunHandle,
 ) -> Result<Search, CampaignError> {
     let space = record.spec.space();
-    let embedder = context.embedder(&record).await?;
+    let embedder = handle.unless_stopped(context.embedder(&record)).await??;
     let search = Search {
         behaviours: Behaviours::new(dimensions(space, embedder.map(|embedder| embedder.dimensions))),
         scale: Scale::unscaled(space),

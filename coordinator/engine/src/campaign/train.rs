@@ -95,10 +95,8 @@ pub(super) async fn train(
     }
     let checkpoint = trained?;
     // This check precedes the move: with a checkpoint for pictures of another size, the campaign could not continue.
-    context
-        .checkpoints
-        .embedder(checkpoint, record.spec.image())
-        .await?;
+    let embedder = context.checkpoints.embedder(checkpoint, record.spec.image());
+    handle.unless_stopped(embedder).await??;
     Ok(checkpoint)
 }
 
