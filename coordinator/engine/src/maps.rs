@@ -1,14 +1,14 @@
 //! Two-dimensional maps of behaviours for people: a map on the principal axes at once, and a t-SNE map once it has been computed.
 //!
 //! A map is kept until the archive grows or changes its version, or until other maps need its room. A forgotten map is computed
-//! again, with the same result. No result of a campaign depends on maps. A t-SNE map is computed in the turns of the client that
-//! asked first, and holds its seat; it is computed only for as long as somebody keeps asking.
+//! again, with the same result. No result of a campaign depends on maps. A t-SNE map is long work of the client that asked first
+//! (see [`long`]), and is computed only for as long as somebody keeps asking.
 
 use crate::{
-    blocking::{Broken, in_background, parallel, spawn},
+    blocking::{Broken, in_background, long, outlive, parallel},
     space::{Space, SpaceError, Spaces},
 };
-use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
+use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState};
 use murmuration_search::{
     interrupt::Interrupt,
     projection::{self, Projection},
@@ -16,6 +16,7 @@ use murmuration_search::{
 use murmuration_store::kept::Kept;
 use murmuration_tsne::{self as tsne, Points};
 use std::{
+    collections::HashMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
@@ -32,6 +33,8 @@ pub struct Maps {
     spaces: Spaces,
     /// One lock per campaign, so that concurrent requests project an archive only once.
     kept: Arc<Kept<Mutex<Option<Known>>>>,
+    /// When somebody last asked for the t-SNE map of a campaign, for [`WANTED_FOR`].
+    asked: Arc<Mutex<HashMap<CampaignId, Instant>>>,
     interrupt: Interrupt,
 }
 
@@ -39,7 +42,8 @@ pub struct Maps {
 struct Known {
     of: Version,
     axes: Arc<Projection>,
-    neighbours: Neighbours,
+    /// Locked only for a moment, unlike the map itself.
+    neighbours: Arc<Mutex<Neighbours>>,
     /// Ends the t-SNE, which is useless once the archive has changed.
     interrupt: Interrupt,
 }
@@ -51,10 +55,7 @@ type Version = (ArchiveVersion, u64);
 #[derive(Debug, Clone)]
 enum Neighbours {
     Unasked,
-    UnderWay {
-        /// Time of the last request.
-        asked: Instant,
-    },
+    UnderWay,
     Known(Arc<Points>),
 }
 
@@ -66,6 +67,23 @@ enum Asked {
     Wanted(Wanted),
 }
 
+/// A t-SNE map that is to be computed. If it is dropped before that, the next request asks for the map again.
+struct Wanted {
+    space: Arc<Space>,
+    axes: Arc<Projection>,
+    neighbours: Arc<Mutex<Neighbours>>,
+    interrupt: Interrupt,
+}
+
+impl Drop for Wanted {
+    fn drop(&mut self) {
+        let mut neighbours = lock(&self.neighbours);
+        if matches!(*neighbours, Neighbours::UnderWay) {
+            *neighbours = Neighbours::Unasked;
+        }
+    }
+}
+
 /// Why there is no map.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
@@ -75,19 +93,11 @@ pub enum MapError {
     Broken(#[from] Broken),
 }
 
-/// A t-SNE map that somebody asked for.
-struct Wanted {
-    of: Version,
-    space: Arc<Space>,
-    axes: Arc<Projection>,
-    interrupt: Interrupt,
-}
-
 impl Known {
     fn bytes(&self) -> usize {
-        let neighbours = match &self.neighbours {
+        let neighbours = match &*lock(&self.neighbours) {
             Neighbours::Known(points) => points.len(),
-            Neighbours::Unasked | Neighbours::UnderWay { .. } => 0,
+            Neighbours::Unasked | Neighbours::UnderWay => 0,
         };
         (self.axes.points.len() + neighbours) * size_of::<[f64; 2]>()
     }
@@ -103,6 +113,7 @@ impl Maps {
         Self {
             spaces,
             kept: Arc::new(Kept::within(most_bytes)),
+            asked: Arc::default(),
             interrupt,
         }
     }
@@ -115,6 +126,19 @@ impl Maps {
             .map(|known| Arc::clone(&known.axes))
     }
 
+    /// Notes that somebody asks for the t-SNE map of a campaign. Call this before anything else of a request, because a request
+    /// may wait for its client's other work.
+    pub fn somebody_asks(&self, campaign: &CampaignId) {
+        let mut asked = lock(&self.asked);
+        asked.retain(|_, at| at.elapsed() < WANTED_FOR);
+        asked.insert(campaign.clone(), Instant::now());
+    }
+
+    fn is_wanted(&self, campaign: &CampaignId) -> bool {
+        let asked = lock(&self.asked);
+        asked.get(campaign).is_some_and(|at| at.elapsed() < WANTED_FOR)
+    }
+
     /// The t-SNE map of the archive; `None` until the map is computed. The first request starts the computation, unless the
     /// archive still grows. The computation ends early if nobody asks for the map for [`WANTED_FOR`].
     ///
@@ -124,81 +148,75 @@ impl Maps {
         if record.state == CampaignState::Running {
             return Ok(None);
         }
+        self.somebody_asks(&record.id);
         let (maps, of) = (self.clone(), record.clone());
-        let wanted = match in_background(move |_| maps.ask(&of)).await?? {
+        match in_background(move |_| maps.ask(&of)).await?? {
             Asked::Known(points) => return Ok(Some(points)),
-            Asked::UnderWay => return Ok(None),
-            Asked::Wanted(wanted) => wanted,
-        };
-        let (maps, record) = (self.clone(), record.clone());
-        spawn(async move { maps.arrange(&record, wanted).await });
+            Asked::UnderWay => {}
+            Asked::Wanted(wanted) => {
+                let (maps, id) = (self.clone(), record.id.clone());
+                outlive(async move { maps.arrange(&id, wanted).await });
+            }
+        }
         Ok(None)
     }
 
-    /// Notes that somebody asks for the t-SNE map.
     fn ask(&self, record: &CampaignRecord) -> Result<Asked, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut guard = lock(&kept);
         let known = self.current(record, &mut guard)?;
-        match &mut known.neighbours {
+        match &*lock(&known.neighbours) {
             Neighbours::Known(points) => return Ok(Asked::Known(Arc::clone(points))),
-            Neighbours::UnderWay { asked } => {
-                *asked = Instant::now();
-                return Ok(Asked::UnderWay);
-            }
+            Neighbours::UnderWay => return Ok(Asked::UnderWay),
             Neighbours::Unasked => {}
         }
-        let (space, axes, of) = (self.spaces.of(record)?, Arc::clone(&known.axes), known.of);
-        if version(&space) != of {
+        let space = self.spaces.of(record)?;
+        if version(&space) != known.of {
             // The archive has changed already. The next request uses its new version.
             return Ok(Asked::UnderWay);
         }
-        known.neighbours = Neighbours::UnderWay {
-            asked: Instant::now(),
-        };
+        *lock(&known.neighbours) = Neighbours::UnderWay;
         Ok(Asked::Wanted(Wanted {
-            of,
             space,
-            axes,
-            interrupt: known.interrupt.clone(),
+            axes: Arc::clone(&known.axes),
+            neighbours: Arc::clone(&known.neighbours),
+            interrupt: known.interrupt.child(),
         }))
     }
 
     /// Computes a t-SNE map until the map is done or nobody wants it any more.
-    async fn arrange(&self, record: &CampaignRecord, wanted: Wanted) {
-        let of = wanted.of;
+    async fn arrange(&self, campaign: &CampaignId, wanted: Wanted) {
         // The map is not forgotten while this task holds it.
-        let kept = self.kept.of(&record.id);
-        let interrupt = wanted.interrupt.clone();
+        let _kept = self.kept.of(campaign);
+        let (interrupt, neighbours) = (wanted.interrupt.clone(), Arc::clone(&wanted.neighbours));
         let compute = move |_: &Interrupt| {
-            parallel(|| tsne::embed(&wanted.space.behaviours, &wanted.axes.points, &wanted.interrupt))
+            let Wanted {
+                space,
+                axes,
+                interrupt,
+                ..
+            } = &wanted;
+            let points = parallel(|| tsne::embed(&space.behaviours, &axes.points, interrupt)).ok()?;
+            let bytes = (axes.points.len() + points.len()) * size_of::<[f64; 2]>();
+            *lock(&wanted.neighbours) = Neighbours::Known(Arc::new(points));
+            Some(bytes)
         };
-        let computed = in_background(compute);
+        let computed = long(compute);
         tokio::pin!(computed);
-        let computed = loop {
+        let bytes = loop {
             tokio::select! {
-                computed = &mut computed => break computed.ok().and_then(Result::ok),
+                computed = &mut computed => break computed.ok().flatten(),
                 () = tokio::time::sleep(WANTED_FOR / 4) => {
-                    if !is_wanted(&kept, of) {
-                        // The loop goes on until the thread has noticed: this task holds the client's seat for the thread.
+                    if !self.is_wanted(campaign) {
                         interrupt.raise();
+                        return;
                     }
                 }
             }
         };
-        let mut known = lock(&kept);
-        let Some(known) = known.as_mut().filter(|known| known.of == of) else {
-            return;
-        };
-        match computed {
-            Some(points) => {
-                known.neighbours = Neighbours::Known(Arc::new(points));
-                self.kept.weigh(&record.id, known.bytes());
-            }
-            None => {
-                known.neighbours = Neighbours::Unasked;
-                known.interrupt = self.interrupt.child();
-            }
+        // A map of another version may have replaced this one meanwhile.
+        if let Some(bytes) = bytes.filter(|_| Arc::strong_count(&neighbours) > 1) {
+            self.kept.weigh(campaign, bytes);
         }
     }
 
@@ -222,7 +240,7 @@ impl Maps {
                 Known {
                     of: version(&space),
                     axes,
-                    neighbours: Neighbours::Unasked,
+                    neighbours: Arc::new(Mutex::new(Neighbours::Unasked)),
                     interrupt: self.interrupt.child(),
                 }
             }
@@ -230,14 +248,6 @@ impl Maps {
         self.kept.weigh(&record.id, current.bytes());
         Ok(known.insert(current))
     }
-}
-
-/// Whether somebody asked lately for the t-SNE map of this version of an archive.
-fn is_wanted(kept: &Mutex<Option<Known>>, of: Version) -> bool {
-    lock(kept).as_ref().is_some_and(|known| {
-        known.of == of
-            && matches!(known.neighbours, Neighbours::UnderWay { asked } if asked.elapsed() < WANTED_FOR)
-    })
 }
 
 fn version(space: &Space) -> Version {

@@ -43,7 +43,7 @@ pub(crate) fn columns(spec: &CampaignSpec) -> Schema {
         nullable("class", DataType::Utf8).about("the class that was given last; null if nobody gave a class"),
         column("seed", DataType::UInt64).about("of the first start; it determines the seeds of the other starts"),
         nullable("cluster", DataType::UInt32)
-            .about("from 1, as in taxonomy.parquet and on the pages; null unless the campaign is completed"),
+            .about("from 1, as in taxonomy.parquet and on the pages; null outside the sample, and unless the campaign is completed"),
         nullable("robust_trials", DataType::UInt8)
             .about("trials that are nearer to their own medoid than to any other; null with one start")
             .unit("trials"),

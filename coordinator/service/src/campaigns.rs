@@ -18,6 +18,7 @@ use murmuration_store::{
     kept::LatestAnswers,
 };
 use murmuration_swarm::Frames;
+use prost::Message as _;
 use std::{sync::Arc, time::Duration};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -48,6 +49,34 @@ pub struct CampaignApi {
 }
 
 type Answer<T> = Result<Response<T>, Status>;
+
+/// The part of a list of campaigns that begins with the campaign at `begins`, and the place at which the next part begins.
+async fn listed(
+    campaigns: &Campaigns,
+    ids: &[CampaignId],
+    begins: usize,
+) -> Result<(v1::ListCampaignsResponse, Option<u64>), Status> {
+    let until = ids.len().min(begins + LISTED_AT_ONCE);
+    let statuses = campaigns
+        .statuses(ids[begins..until].to_vec())
+        .await
+        .or_status()?;
+    let (mut part, mut bytes) = (Vec::with_capacity(statuses.len()), 0);
+    for campaign in statuses.into_iter().map(v1::Campaign::from) {
+        bytes += campaign.encoded_len();
+        // Specifications can be long.
+        if bytes > PART_BYTES && !part.is_empty() {
+            let next = ids.iter().position(|id| id.as_str() == campaign.id);
+            return Ok((
+                v1::ListCampaignsResponse { campaigns: part },
+                next.map(|next| next as u64),
+            ));
+        }
+        part.push(campaign);
+    }
+    let next = (until < ids.len()).then_some(until as u64);
+    Ok((v1::ListCampaignsResponse { campaigns: part }, next))
+}
 
 impl CampaignApi {
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
@@ -97,17 +126,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let ids: Arc<[CampaignId]> = ids.into_iter().map(|head| head.id).collect();
         let campaigns = self.campaigns.clone();
         Ok(as_taken(move |begins| {
-            let (campaigns, begins) = (campaigns.clone(), begins as usize);
-            let until = ids.len().min(begins + LISTED_AT_ONCE);
-            let (part, more) = (ids[begins..until].to_vec(), until < ids.len());
-            async move {
-                let listed = campaigns.statuses(part).await.or_status()?;
-                let campaigns = listed.into_iter().map(v1::Campaign::from).collect();
-                Ok((
-                    v1::ListCampaignsResponse { campaigns },
-                    more.then_some(until as u64),
-                ))
-            }
+            let (campaigns, ids) = (campaigns.clone(), Arc::clone(&ids));
+            async move { listed(&campaigns, &ids, begins as usize).await }
         }))
     }
 

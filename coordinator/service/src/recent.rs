@@ -1,5 +1,6 @@
 //! Shares one computation of a value among all its followers.
 
+use murmuration_engine::blocking::shared;
 use std::{
     collections::HashMap,
     sync::{Arc, Mutex, PoisonError, Weak},
@@ -61,7 +62,7 @@ impl<T: Clone> Followed<T> {
         {
             return Ok(value.clone());
         }
-        let value = make.await?;
+        let value = shared(make).await?;
         *latest = Some((Instant::now(), value.clone()));
         Ok(value)
     }

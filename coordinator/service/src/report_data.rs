@@ -289,7 +289,7 @@ fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
     })
 }
 
-/// The archive of a campaign: the features and embeddings of its individuals, by index, without their robustness.
+/// The first `most` individuals of a campaign's archive, by index: their features and embeddings, without their robustness.
 ///
 /// # Errors
 /// See [`ReportDataError`].
@@ -297,8 +297,9 @@ pub async fn archive<C: Transport>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: &CapabilityModel,
+    most: usize,
 ) -> Result<Vec<Entry>, ReportDataError> {
-    read_archive(client, campaign, model, usize::MAX, None).await
+    read_archive(client, campaign, model, most, None).await
 }
 
 /// The first `most` individuals of a campaign's archive, or all. `sheets`, if given, get their pictures; the pictures of one part

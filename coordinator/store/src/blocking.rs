@@ -16,6 +16,8 @@ use turns::Turn;
 
 /// Number of threads of [`in_background`].
 const BACKGROUND_THREADS: usize = 8;
+/// Number of threads of [`long`].
+const LONG_THREADS: usize = 2;
 /// Nice value of the threads of [`in_background`]: one such thread gets a tenth of a core that campaigns also use. With a larger
 /// share, a guest who opens hundreds of pages would slow campaigns by more than a fifth.
 const NICE: i32 = 10;
@@ -51,6 +53,13 @@ pub fn spawn(task: impl Future<Output = ()> + Send + 'static) {
         Ok(this) => drop(tokio::spawn(TASK.scope(this, task))),
         Err(_) => drop(tokio::spawn(task)),
     }
+}
+
+/// Spawns `task`, which goes on after the response. `task` has the priority of the current task, and holds nothing of it.
+pub fn outlive(task: impl Future<Output = ()> + Send + 'static) {
+    let priority = TASK.try_with(|(_, priority)| priority.clone());
+    let priority = priority.unwrap_or(Priority::Normal);
+    drop(tokio::spawn(holding(Arc::new(()), priority, task)));
 }
 
 /// Runs `work` on a thread that may block. `blocking` is for work that a campaign or a decision waits for, or that takes only a
@@ -98,6 +107,45 @@ pub async fn in_background<T: Send + 'static>(
         work(interrupt)
     };
     run(threads, work).await
+}
+
+/// Runs a task that makes something for several clients while they wait, for example under a lock that they share. The task has
+/// the priority of this client, but does not wait for this client's other work, so that the others do not wait for it either.
+pub async fn shared<F: Future>(make: F) -> F::Output {
+    let this = TASK.try_with(Clone::clone);
+    match this {
+        Ok((held, Priority::Low(turns))) => TASK.scope((held, Priority::Low(turns.at_once())), make).await,
+        _ => make.await,
+    }
+}
+
+/// Runs `work` that takes very long, with low priority on threads of its own. Of each client, one such piece of work runs at a
+/// time, beside the client's turns; the work does not hold the client's seat. If the future is dropped, the work is interrupted,
+/// or never begins.
+///
+/// # Errors
+/// [`Broken`] if `work` panics.
+pub async fn long<T: Send + 'static>(
+    work: impl FnOnce(&Interrupt) -> T + Send + 'static,
+) -> Result<T, Broken> {
+    let permit = match turns() {
+        Some(turns) => turns.long().await,
+        None => None,
+    };
+    let threads = LONG.as_ref();
+    let threads = threads.map_or_else(Handle::current, |threads| threads.handle().clone());
+    let wanted = Wanted(Interrupt::default());
+    let interrupt = wanted.0.clone();
+    let work = move || {
+        let _permit = permit;
+        interrupt.check().ok()?;
+        let _marked = Marked::new(Level::Low);
+        Some(work(&interrupt))
+    };
+    let done = threads.spawn_blocking(work).await;
+    drop(wanted);
+    // Work that never began has no caller left, so nobody sees this error.
+    done.ok().flatten().ok_or(Broken)
 }
 
 /// Runs a pure computation that uses several threads (rayon). Work of [`in_background`] must use this function, so that the other
@@ -199,16 +247,23 @@ static PARALLEL: LazyLock<Option<ThreadPool>> = LazyLock::new(|| {
 });
 
 /// The process's threads of low priority; `None` if the system could not make them.
-static BACKGROUND: LazyLock<Option<Runtime>> = LazyLock::new(|| {
+static BACKGROUND: LazyLock<Option<Runtime>> =
+    LazyLock::new(|| low_threads("background", BACKGROUND_THREADS));
+
+/// The process's threads for [`long`] work.
+static LONG: LazyLock<Option<Runtime>> = LazyLock::new(|| low_threads("long", LONG_THREADS));
+
+/// Up to `count` threads of low priority.
+fn low_threads(name: &str, count: usize) -> Option<Runtime> {
     let threads = Builder::new_current_thread()
-        .max_blocking_threads(BACKGROUND_THREADS)
-        .thread_name("background")
+        .max_blocking_threads(count)
+        .thread_name(name)
         .on_thread_start(lower_priority)
         .build();
     threads
         .inspect_err(|error| tracing::warn!(%error, "background threads could not be started: reads run with normal priority"))
         .ok()
-});
+}
 
 /// The threads of low priority, or else the threads of the current runtime.
 fn background() -> Handle {
@@ -399,6 +454,33 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn nice_of_this_thread() -> i32 {
         rustix::process::getpriority_process(None).unwrap()
+    }
+
+    #[tokio::test]
+    async fn shared_and_long_work_does_not_wait_for_a_busy_client() {
+        let turns = Turns::default();
+        let (go, gone) = mpsc::channel::<()>();
+        let gone = Arc::new(std::sync::Mutex::new(gone));
+        let busy: Vec<_> = (0..turns::AT_ONCE)
+            .map(|_| {
+                let gone = Arc::clone(&gone);
+                let work = in_background(move |_| {
+                    let _ = gone.lock().unwrap().recv();
+                });
+                tokio::spawn(holding(Arc::new(()), Priority::Low(turns.clone()), work))
+            })
+            .collect();
+        let as_client = async |work: &mut (dyn Future<Output = Result<i32, Broken>> + Unpin)| {
+            let limited = tokio::time::timeout(Duration::from_millis(200), work);
+            holding(Arc::new(()), Priority::Low(turns.clone()), limited).await
+        };
+        assert_eq!(as_client(&mut Box::pin(shared(blocking(|| 1)))).await, Ok(Ok(1)));
+        assert_eq!(as_client(&mut Box::pin(long(|_| 2))).await, Ok(Ok(2)));
+        assert!(as_client(&mut Box::pin(blocking(|| 3))).await.is_err());
+        drop(go);
+        for task in busy {
+            task.await.unwrap().unwrap();
+        }
     }
 
     #[tokio::test]

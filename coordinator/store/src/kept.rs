@@ -2,6 +2,7 @@
 //!
 //! Every value can be made again from the store, with the same result. The cache uses the sizes of values, not their contents.
 
+use crate::blocking::shared;
 use hashlink::LruCache;
 use murmuration_model::CampaignId;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -72,7 +73,7 @@ impl<State: PartialEq, Answer: Clone> LatestAnswers<State, Answer> {
         {
             return Ok(answer.clone());
         }
-        let answer = make.await?;
+        let answer = shared(make).await?;
         let bytes = bytes(&answer);
         let is_kept = bytes.saturating_add(ENTRY_BYTES) <= self.0.most_bytes;
         self.0.weigh(campaign, if is_kept { bytes } else { 0 });

@@ -54,6 +54,9 @@ pub fn measure_recall(
     at: &[NonZeroU32],
     reference: &Reference,
 ) -> Result<RecallCounts, Misfit> {
+    // Later individuals count at no stage.
+    let most = at.iter().map(|evaluations| evaluations.get() as usize).max();
+    let archive = &archive[..archive.len().min(most.unwrap_or_default())];
     let niches = reference.niches_of(archive)?;
     let stage = |evaluations: &NonZeroU32| {
         let mut stage = RecallStage {

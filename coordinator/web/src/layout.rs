@@ -43,7 +43,9 @@ impl Part {
 
 /// The layout of the atlas of a campaign; `None` if the campaign has no atlas.
 pub(super) fn atlas_of(record: &CampaignRecord) -> Option<Layout> {
-    Layout::of(&record.spec).filter(|_| record.spec.judges())
+    // A page would have to hold every individual.
+    let is_sampled = record.spec.sample().is_some();
+    Layout::of(&record.spec).filter(|_| record.spec.judges() && !is_sampled)
 }
 
 /// A page around `content`; the script `live.js` keeps the page up to date.

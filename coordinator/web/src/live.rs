@@ -24,6 +24,8 @@ use tokio_stream::wrappers::ReceiverStream;
 
 /// Minimum time between two messages to a page.
 const INTERVAL: Duration = Duration::from_millis(250);
+/// Maximum time between two looks at a page that takes long to make.
+const MOST_SELDOM: Duration = Duration::from_secs(5);
 
 pub(super) type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
@@ -120,7 +122,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
                 created: record.archive_version().origin(),
                 archive_state: archive.word(),
                 archive_version: archive.version.to_string(),
-                individuals: archive.individuals,
+                individuals: record.sampled(),
                 completed: archive.completed,
                 labels: entries,
                 doing,
@@ -150,7 +152,7 @@ where
             let Ok(sight) = sights.within(age, look()).await else {
                 return;
             };
-            age = INTERVAL.max(4 * begun.elapsed());
+            age = (4 * begun.elapsed()).clamp(INTERVAL, MOST_SELDOM);
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 if events.send(Ok(Event::default().data(sight))).await.is_err() {

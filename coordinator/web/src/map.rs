@@ -212,9 +212,11 @@ pub(super) async fn axes(
 
 /// The places of the points by t-SNE. While these are computed, the response is `ACCEPTED` with an empty body.
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
+    if let Ok(id) = id.parse() {
+        web.maps.somebody_asks(&id);
+    }
     let record = web.campaigns.status(&id).await.or_status()?.record;
-    let maps = web.maps.clone();
-    let found = maps.neighbours(&record).await.or_status()?;
+    let found = web.maps.neighbours(&record).await.or_status()?;
     Ok(match found {
         Some(points) => Json(places(&points)).into_response(),
         None => StatusCode::ACCEPTED.into_response(),

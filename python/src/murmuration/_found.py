@@ -42,8 +42,8 @@ class Taxonomy:
             `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
             `genes`, `seed`.
         pictures: The medoids' pictures, as from `Campaign.pictures`.
-        clusters: For each individual of the archive, or of its sample, its row of `medoids`, from 0; uint32 (individuals,). Reports, pages
-            and files number behaviours from 1: row + 1.
+        clusters: For each individual of the archive, or of its sample, its row of `medoids`, from 0; uint32
+            (individuals,). Reports, pages and files number behaviours from 1: row + 1.
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
         robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
             float64 (individuals,). None if individuals have one trial.

@@ -91,3 +91,20 @@ async fn maps_that_were_forgotten_are_made_again_and_are_the_same() {
     );
     assert_eq!(look(&campaigns[0]).await, first);
 }
+
+#[tokio::test]
+async fn a_map_whose_request_was_dropped_is_made_for_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    let record = paused(&store, 1);
+    let maps = Maps::new(Spaces::new(store), Interrupt::default());
+    // As if the client had left before the computation was spawned.
+    assert!(matches!(maps.ask(&record), Ok(Asked::Wanted(_))));
+    assert!(matches!(maps.ask(&record), Ok(Asked::Wanted(_))));
+    let Ok(Asked::Wanted(wanted)) = maps.ask(&record) else {
+        panic!("it is not wanted");
+    };
+    assert!(matches!(maps.ask(&record), Ok(Asked::UnderWay)));
+    maps.arrange(&record.id, wanted).await;
+    assert!(matches!(maps.ask(&record), Ok(Asked::Known(_))));
+}

@@ -50,6 +50,7 @@ pub struct Asked {
     pub own: u64,
     /// Number of individuals with an answer by the synthetic annotator alone.
     pub synthetic: u64,
+    /// Number of individuals that questions can be about.
     pub individuals: u64,
 }
 
@@ -282,7 +283,7 @@ fn lease(
     let mut leases = lock(leases);
     let labels = store.labels(&record.id)?;
     let kind = (request.strategy, request.agreement);
-    let individuals = record.individuals();
+    let individuals = record.sampled();
     // An older ranking may contain individuals that no longer exist.
     let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, request);
     for &index in request.again.iter().rev().filter(|&&index| is_open(index)) {

@@ -134,7 +134,9 @@ impl Measuring {
         spec: &CampaignSpec,
         campaign: &str,
     ) -> Result<JudgedBehaviours, CliError> {
-        let archive = report_data::archive(&mut clients.campaigns, campaign, spec.model()).await?;
+        // Taxonomies cover the sample.
+        let most = spec.sample().map_or(usize::MAX, |sample| sample as usize);
+        let archive = report_data::archive(&mut clients.campaigns, campaign, spec.model(), most).await?;
         let learned = match spec.choice() {
             Choice::Medoids => BTreeMap::new(),
             Choice::Coverage | Choice::ByClass => learned_classes(clients, campaign).await?,

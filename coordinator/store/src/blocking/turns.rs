@@ -20,11 +20,17 @@ const SHARE: f64 = 0.02;
 
 /// Limits the background work of one client: two pieces of work run at once, and further pieces wait. Cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Turns(Arc<Client>);
+pub struct Turns {
+    client: Arc<Client>,
+    /// Whether further pieces of work wait.
+    waits: bool,
+}
 
 #[derive(Debug)]
 struct Client {
     free: Arc<Semaphore>,
+    /// For long work, of which one piece runs at a time.
+    long: Arc<Semaphore>,
     allowance: Mutex<Allowance>,
 }
 
@@ -41,10 +47,14 @@ pub(super) struct Turn {
 
 impl Default for Turns {
     fn default() -> Self {
-        Self(Arc::new(Client {
-            free: Arc::new(Semaphore::new(AT_ONCE)),
-            allowance: Mutex::new(Allowance::new(Instant::now())),
-        }))
+        Self {
+            client: Arc::new(Client {
+                free: Arc::new(Semaphore::new(AT_ONCE)),
+                long: Arc::new(Semaphore::new(1)),
+                allowance: Mutex::new(Allowance::new(Instant::now())),
+            }),
+            waits: true,
+        }
     }
 }
 
@@ -52,19 +62,32 @@ impl Turns {
     /// Whether this value has no other clone and its allowance is full, so that a new value can replace it.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        Arc::strong_count(&self.0) == 1 && self.0.allowance().is_full(Instant::now())
+        Arc::strong_count(&self.client) == 1 && self.client.allowance().is_full(Instant::now())
+    }
+
+    /// The same client's turns, but work does not wait for other work of the client.
+    pub(super) fn at_once(self) -> Self {
+        Self { waits: false, ..self }
     }
 
     pub(super) async fn next(self) -> Turn {
-        // The semaphore is never closed.
-        let permit = Arc::clone(&self.0.free).acquire_owned().await.ok();
-        let left = self.0.allowance().left(Instant::now());
+        let permit = match self.waits {
+            // The semaphore is never closed.
+            true => Arc::clone(&self.client.free).acquire_owned().await.ok(),
+            false => None,
+        };
+        let left = self.client.allowance().left(Instant::now());
         Turn {
             is_prompt: left > 0.0,
-            of: self.0,
+            of: self.client,
             begun: None,
             _permit: permit,
         }
+    }
+
+    /// The client's turn for long work.
+    pub(super) async fn long(self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.client.long).acquire_owned().await.ok()
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{APPLICATION, FURTHER_TABLES, new_folder};
 use crate::{
     Store, StoreError,
-    blocking::in_background,
+    blocking::{in_background, shared},
     campaigns::number_of,
     checkpoints::{CheckpointError, Checkpoints},
     digest::digest,
@@ -15,7 +15,7 @@ use murmuration_model::{CampaignId, CampaignState};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_swarm::CheckpointDigest;
 use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
-use std::{fs::File, path::Path, sync::PoisonError};
+use std::{fs::File, path::Path};
 use tempfile::TempDir;
 
 /// Steps of SQLite's virtual machine between two checks whether the export is still wanted.
@@ -62,7 +62,8 @@ pub async fn export(
 ) -> Result<File, CheckpointError> {
     let (source, data, id) = (store.clone(), data.to_path_buf(), campaign.clone());
     let alone = store.copying.lock().await;
-    let (mut copy, digests) = on_disk(move |interrupt| Copy::of(&source, &data, id, interrupt)).await?;
+    let copied = on_disk(move |interrupt| Copy::of(&source, &data, id, interrupt));
+    let (mut copy, digests) = shared(copied).await?;
     drop(alone);
     for digest in digests {
         let model = checkpoints.fetch(digest).await?;
@@ -87,10 +88,6 @@ impl Copy {
         campaign: CampaignId,
         interrupt: &Interrupt,
     ) -> Result<(Self, Vec<CheckpointDigest>), StoreError> {
-        // If the whole log is in the database, the copy does not read the log, and a change can restart it meanwhile.
-        let writes = source.connection.lock().unwrap_or_else(PoisonError::into_inner);
-        source.shorten_long_log(&writes);
-        drop(writes);
         let folder = new_folder(data)?;
         let path = folder.path().join("campaign.sqlite");
         let named = |source| StoreError::from_sqlite(source, &path);

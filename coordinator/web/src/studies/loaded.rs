@@ -4,7 +4,7 @@
 use super::known::{Digests, Known};
 use axum::body::Bytes;
 use murmuration_engine::{
-    blocking::{Broken, blocking, in_background, parallel},
+    blocking::{Broken, blocking, in_background, parallel, shared},
     campaign::{CampaignError, Campaigns},
 };
 use murmuration_model::study_records::{StudyRecord, StudyRecordKind};
@@ -141,7 +141,7 @@ impl Studies {
         {
             return Ok(Arc::clone(known));
         }
-        let known = Arc::new(Known::read(campaigns, &self.0.digests).await?);
+        let known = Arc::new(shared(Known::read(campaigns, &self.0.digests)).await?);
         *listed = Some((Instant::now(), Arc::clone(&known)));
         Ok(known)
     }
@@ -161,14 +161,14 @@ impl Studies {
         {
             if read.version.classes != version.classes {
                 let study = Arc::clone(&read.study);
-                read.study = Arc::new(blocking(move || study.with_current_classes()).await?);
+                read.study = Arc::new(shared(blocking(move || study.with_current_classes())).await?);
                 read.version.classes = version.classes;
             }
             return Ok(Arc::clone(&read.study));
         }
         let begun = Instant::now();
         let (store, name) = (self.0.store.clone(), name.to_owned());
-        let study = Arc::new(in_background(move |_| Loaded::read(store, &name)).await??);
+        let study = Arc::new(shared(in_background(move |_| Loaded::read(store, &name))).await??);
         *read = Some(Read {
             study: Arc::clone(&study),
             version,
