@@ -1,7 +1,7 @@
 //! A whole cluster in one process: a coordinator, its workers and trainers, connected by gRPC over loopback.
 
 use crate::server::{Coordinator, Options, ServerError};
-use murmuration_link::{Health, errln};
+use murmuration_link::{Health, Leaving, errln};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
 use std::{fmt::Display, num::NonZeroUsize, time::Duration};
@@ -53,6 +53,7 @@ impl LocalCluster {
                 name: format!("in-process-{number}"),
                 local_address: None,
                 health: Health::new(),
+                leaving: Leaving::default(),
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
             };
@@ -65,6 +66,7 @@ impl LocalCluster {
                 name: format!("in-process-{number}"),
                 local_address: None,
                 health: Health::new(),
+                leaving: Leaving::default(),
             };
             spawn(trainer::run(options, stopped.clone()))
         };

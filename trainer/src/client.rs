@@ -11,7 +11,9 @@ mod training_run;
 
 use event::{Event, Undone};
 use job::Running;
-use murmuration_link::{Address, Broken, Coordinator, Credentials, Health, Link, Peer, Role, keep, stopped};
+use murmuration_link::{
+    Address, Broken, Coordinator, Credentials, Health, Leaving, Link, Peer, Role, keep, stopped,
+};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
@@ -35,6 +37,8 @@ pub struct Options {
     pub local_address: Option<IpAddr>,
     /// Receives whether the trainer is connected.
     pub health: Health,
+    /// When the process leaves by itself.
+    pub leaving: Leaving,
 }
 
 /// A running trainer. A boxed future is compiled once in this crate, and not again in each program that awaits it.
@@ -57,7 +61,8 @@ async fn train(options: Options, stop: watch::Receiver<bool>) -> Result<(), Trai
         Role::Trainer,
         &options.name,
     )?
-    .connecting_from(options.local_address);
+    .connecting_from(options.local_address)
+    .leaving(options.leaving.clone());
     let mut trainer = Trainer {
         coordinator: address.channel(),
         turn: Arc::default(),

@@ -1,7 +1,7 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until a signal stops it.
 
 use clap::Parser;
-use murmuration_link::{PeerArguments, Post, errln, parse_arguments, run_peer};
+use murmuration_link::{PeerArguments, Post, cores, errln, parse_arguments, process_name, run_peer};
 use murmuration_trainer::client::{self, Options};
 use std::{num::NonZeroUsize, process::ExitCode};
 
@@ -14,10 +14,10 @@ use std::{num::NonZeroUsize, process::ExitCode};
 struct Arguments {
     #[command(flatten)]
     peer: PeerArguments,
-    /// Name that people see
-    #[arg(long, env = "MURMURATION_TRAINER_NAME", default_value = "trainer")]
-    name: String,
-    /// Number of threads, which does not change the result [default: number of cores]
+    /// Name that people see [default: name of the machine, and of the job if a scheduler started this process]
+    #[arg(long, env = "MURMURATION_TRAINER_NAME")]
+    name: Option<String>,
+    /// Number of threads, which does not change the result [default: number of cores that this process may use]
     #[arg(long, env = "MURMURATION_THREADS")]
     threads: Option<NonZeroUsize>,
 }
@@ -28,8 +28,7 @@ async fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    // For rayon, 0 means the number of cores.
-    let threads = arguments.threads.map_or(0, NonZeroUsize::get);
+    let threads = arguments.threads.unwrap_or_else(cores).get();
     if let Err(error) = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build_global()
@@ -46,9 +45,10 @@ async fn main() -> ExitCode {
             let options = Options {
                 coordinator: post.coordinator,
                 credentials: post.credentials,
-                name: arguments.name,
+                name: arguments.name.unwrap_or_else(|| process_name("trainer")),
                 local_address: post.local_address,
                 health: post.health,
+                leaving: post.leaving,
             };
             client::run(options, post.stop).await
         },

@@ -12,7 +12,9 @@ mod tests;
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
 use murmuration_embed::Runtime;
-use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Peer, Role, keep, stopped};
+use murmuration_link::{
+    Address, Broken, Credentials, Health, Leaving, Link, LinkError, Peer, Role, keep, stopped,
+};
 use murmuration_proto::v1::{self, coordinator_message, worker_message};
 use murmuration_swarm::EmbeddingKind;
 use pool::Pool;
@@ -32,6 +34,8 @@ pub struct Options {
     pub local_address: Option<IpAddr>,
     /// Reports whether the worker is connected.
     pub health: Health,
+    /// When the process leaves by itself.
+    pub leaving: Leaving,
     /// Number of simultaneous evaluations, one per thread; at most 4,096.
     pub threads: NonZeroUsize,
     /// Folder for up to 1 GiB of checkpoints, created at its first use. Several workers can share a folder.
@@ -75,7 +79,8 @@ async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), Worke
         Role::Worker { capacity, kind },
         &options.name,
     )?
-    .connecting_from(options.local_address);
+    .connecting_from(options.local_address)
+    .leaving(options.leaving.clone());
     let checkpoints = Checkpoints::new(address.channel(), options.cache);
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,

@@ -2,9 +2,9 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{PeerArguments, Post, parse_arguments, run_peer};
+use murmuration_link::{PeerArguments, Post, cores, parse_arguments, process_name, run_peer};
 use murmuration_worker::client::{self, Options};
-use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
+use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode};
 
 /// Simulates controllers for a Murmuration coordinator, and embeds their pictures.
 ///
@@ -15,12 +15,12 @@ use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 struct Arguments {
     #[command(flatten)]
     peer: PeerArguments,
-    /// Number of simultaneous evaluations [default: number of cores]
+    /// Number of simultaneous evaluations [default: number of cores that this process may use]
     #[arg(long, env = "MURMURATION_THREADS", value_parser = threads)]
     threads: Option<NonZeroUsize>,
-    /// Name that people see
-    #[arg(long, env = "MURMURATION_WORKER_NAME", default_value = "worker")]
-    name: String,
+    /// Name that people see [default: name of the machine, and of the job if a scheduler started this process]
+    #[arg(long, env = "MURMURATION_WORKER_NAME")]
+    name: Option<String>,
     /// Folder for cached checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
@@ -41,7 +41,6 @@ async fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     run_peer(
         "murmuration-worker",
         "leaving",
@@ -50,10 +49,11 @@ async fn main() -> ExitCode {
             let options = Options {
                 coordinator: post.coordinator,
                 credentials: post.credentials,
-                name: arguments.name,
+                name: arguments.name.unwrap_or_else(|| process_name("worker")),
                 local_address: post.local_address,
                 health: post.health,
-                threads: arguments.threads.unwrap_or(cores),
+                leaving: post.leaving,
+                threads: arguments.threads.unwrap_or_else(cores),
                 cache: arguments.cache.unwrap_or_else(checkpoint_folder),
             };
             client::run(options, post.stop).await

@@ -12,14 +12,12 @@ use super::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
-use murmuration_link::{OutputError, errln, outln, termination};
+use murmuration_link::{OutputError, cores, errln, outln, termination};
 use murmuration_proto::v1;
 use murmuration_store::{DataDirectory, StoreError};
 use murmuration_swarm::{CampaignSpec, counted, text::masked_url};
 use std::{
-    num::NonZeroUsize,
     path::{Path, PathBuf},
-    thread,
     time::Instant,
 };
 
@@ -45,7 +43,7 @@ pub struct Resume {
 /// Number of workers and trainers to start in this process.
 #[derive(Debug, Default, clap::Args)]
 pub struct InProcessArgs {
-    /// Workers in this process, one thread each [default: number of cores]
+    /// Workers in this process, one thread each [default: number of cores that this process may use]
     #[arg(long, env = "MURMURATION_WORKERS", value_name = "N", value_parser = at_most_4096())]
     workers: Option<usize>,
     /// Trainers in this process [default: 1, or 0 with --workers 0]
@@ -60,8 +58,7 @@ fn at_most_4096() -> clap::builder::RangedU64ValueParser<usize> {
 
 impl InProcessArgs {
     pub(super) fn count(&self) -> InProcess {
-        let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        let workers = self.workers.unwrap_or_else(cores);
+        let workers = self.workers.unwrap_or_else(|| cores().get());
         InProcess {
             workers,
             trainers: self.trainers.unwrap_or(workers.min(1)),

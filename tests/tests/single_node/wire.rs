@@ -33,6 +33,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
         name: "honest".to_owned(),
         local_address: None,
         health: Health::new(),
+        leaving: murmuration_link::Leaving::default(),
         threads: std::num::NonZeroUsize::MIN,
         cache: folder.path().join("cache"),
     };

@@ -84,6 +84,7 @@ impl Fake {
             name: "trainer".to_owned(),
             local_address: None,
             health: Health::new(),
+            leaving: murmuration_link::Leaving::default(),
         };
         let trainer = tokio::spawn(client::run(options, stopped));
         Self {

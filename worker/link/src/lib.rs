@@ -2,11 +2,13 @@
 //!
 //! [`keep`] keeps a process connected. A [`Peer`] uses one connection, a [`Link`]. The crate does not depend on the kind of work.
 
+mod allocation;
 mod attempts;
 mod backoff;
 mod checkpoints;
 mod credentials;
 mod health;
+mod leaving;
 mod link;
 mod output;
 mod process;
@@ -14,6 +16,7 @@ mod stop;
 mod telemetry;
 mod token;
 
+pub use allocation::{cores, process_name};
 pub use attempts::{attempts, for_lease, may_pass, may_pass_elsewhere};
 pub use checkpoints::fetch_checkpoint;
 pub use credentials::{
@@ -21,6 +24,7 @@ pub use credentials::{
     root_cause,
 };
 pub use health::{Health, READY};
+pub use leaving::{Leaving, OnLost};
 pub use link::{Broken, Link};
 pub use output::{OutputError, parse_arguments, print, say};
 pub use process::{PeerArguments, Post, run_peer};
@@ -36,7 +40,7 @@ use std::{
     hash::{BuildHasher as _, Hasher as _, RandomState},
     io,
     net::{IpAddr, SocketAddr},
-    time::Duration,
+    time::{Duration, Instant},
 };
 use tokio::sync::watch;
 use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
@@ -104,6 +108,16 @@ pub enum LinkError {
         /// The coordinator's reason.
         reason: String,
     },
+    /// The process never had a connection, and has tried for long enough.
+    #[error(
+        "no connection to {coordinator} for {} (--on-coordinator-lost): {error}",
+        humantime::format_duration(*tried)
+    )]
+    Lost {
+        coordinator: String,
+        tried: Duration,
+        error: Broken,
+    },
 }
 
 /// A coordinator's address, and the identity to connect with.
@@ -115,6 +129,7 @@ pub struct Address {
     name: String,
     /// Number that identifies the process across connections; never 0.
     instance: u64,
+    leaving: Leaving,
 }
 
 impl Address {
@@ -138,6 +153,7 @@ impl Address {
             name: name.to_owned(),
             // `RandomState` has random keys, so two processes get different numbers.
             instance: RandomState::new().build_hasher().finish() | 1,
+            leaving: Leaving::default(),
         })
     }
 
@@ -145,6 +161,13 @@ impl Address {
     #[must_use]
     pub fn connecting_from(mut self, address: Option<IpAddr>) -> Self {
         self.endpoint = self.endpoint.local_address(address);
+        self
+    }
+
+    /// For a process that leaves by itself.
+    #[must_use]
+    pub fn leaving(mut self, leaving: Leaving) -> Self {
+        self.leaving = leaving;
         self
     }
 
@@ -166,10 +189,11 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
-/// Keeps `peer` connected until `stop` becomes true and the peer has left. Reports to `health` whether the peer is connected.
+/// Keeps `peer` connected until `stop` becomes true and the peer has left, or until the coordinator has been lost for as long as
+/// [`OnLost`] says. Reports to `health` whether the peer is connected.
 ///
 /// # Errors
-/// Fails if the coordinator refuses the peer.
+/// Fails if the coordinator refuses the peer, or if there was no connection for as long as [`OnLost`] says.
 pub async fn keep(
     address: &Address,
     health: &Health,
@@ -177,6 +201,7 @@ pub async fn keep(
     mut stop: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
     let mut pause = Backoff::new();
+    let mut lost = Lost::new(address.leaving.on_lost);
     let coordinator = masked_url(&address.endpoint.uri().to_string());
     loop {
         let connected = tokio::select! {
@@ -189,6 +214,8 @@ pub async fn keep(
                 tracing::info!(name = address.name, coordinator, "connected");
                 health.ready(true).await;
                 let ended = peer.session(link, stop.clone()).await;
+                address.leaving.activity.connection_ended();
+                lost.was_connected();
                 health.ready(false).await;
                 ended
             }
@@ -204,10 +231,51 @@ pub async fn keep(
             }
             Err(broken) => broken,
         };
+        if lost.is_for_good() {
+            if lost.had_a_connection {
+                tracing::info!(name = address.name, coordinator, %error, "the coordinator is lost, leaving");
+                return Ok(());
+            }
+            return Err(LinkError::Lost {
+                coordinator,
+                tried: Duration::from_secs(lost.since.elapsed().as_secs()),
+                error,
+            });
+        }
         tracing::info!(name = address.name, coordinator, %error, "not connected, will try again");
         tokio::select! {
             () = tokio::time::sleep(pause.next()) => {}
             () = stopped(&mut stop) => return Ok(()),
+        }
+    }
+}
+
+/// How long a process has had no connection.
+struct Lost {
+    on_lost: OnLost,
+    had_a_connection: bool,
+    since: Instant,
+}
+
+impl Lost {
+    fn new(on_lost: OnLost) -> Self {
+        Self {
+            on_lost,
+            had_a_connection: false,
+            since: Instant::now(),
+        }
+    }
+
+    fn was_connected(&mut self) {
+        self.had_a_connection = true;
+        self.since = Instant::now();
+    }
+
+    fn is_for_good(&self) -> bool {
+        match self.on_lost {
+            OnLost::Retry => false,
+            OnLost::RetryFor(time) => self.since.elapsed() >= time,
+            OnLost::Exit => self.had_a_connection,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One connection, from the Hello message to the end of the stream.
 
-use crate::{Address, Role, root_cause};
+use crate::{Address, Role, leaving::Activity, root_cause};
 use murmuration_proto::v1::{
     self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
     worker_service_client::WorkerServiceClient,
@@ -27,6 +27,7 @@ pub struct Link {
     outbox: mpsc::Sender<v1::WorkerMessage>,
     inbox: Streaming<v1::CoordinatorMessage>,
     heartbeat: Interval,
+    activity: Activity,
 }
 
 /// Why a connection ended early.
@@ -82,6 +83,7 @@ impl Link {
                     outbox,
                     inbox,
                     heartbeat,
+                    activity: address.leaving.activity.clone(),
                 })
             }
             _ => Err(Broken::Closed),
@@ -99,6 +101,9 @@ impl Link {
                     let message = message?.ok_or(Broken::Closed)?;
                     // Messages of unknown kinds, from later versions, are ignored.
                     if let Some(message) = message.message {
+                        if matches!(message, coordinator_message::Message::Lease(_)) {
+                            self.activity.lease_came();
+                        }
                         return Ok(message);
                     }
                 }
@@ -114,6 +119,9 @@ impl Link {
     /// # Errors
     /// Fails if the stream has ended.
     pub async fn send(&self, message: worker_message::Message) -> Result<(), Broken> {
+        if matches!(message, worker_message::Message::Result(_)) {
+            self.activity.result_went();
+        }
         send(&self.outbox, message).await
     }
 

@@ -1,6 +1,9 @@
 //! Code that worker and trainer processes share, from command line to exit.
 
-use crate::{Credentials, Health, IdentityFiles, LinkError, TrustFiles, errln, stop::termination, telemetry};
+use crate::{
+    Credentials, Health, IdentityFiles, Leaving, LinkError, TrustFiles, errln, leaving::LeavingArguments,
+    stop::termination, telemetry,
+};
 use std::{
     fmt::Display,
     net::{IpAddr, SocketAddr},
@@ -28,6 +31,8 @@ pub struct PeerArguments {
     /// Connect from this address, if this machine has several [default: as the system chooses]
     #[arg(long, env = "MURMURATION_LOCAL_ADDRESS", value_name = "ADDRESS")]
     local_address: Option<IpAddr>,
+    #[command(flatten)]
+    leaving: LeavingArguments,
 }
 
 /// The parameters of a worker or trainer.
@@ -39,7 +44,9 @@ pub struct Post {
     pub local_address: Option<IpAddr>,
     /// Health of the process, for other processes to query.
     pub health: Health,
-    /// True after SIGTERM or Ctrl-C, when the process must leave.
+    /// When the process leaves by itself.
+    pub leaving: Leaving,
+    /// True after SIGTERM or Ctrl-C, or when it is time to leave.
     pub stop: watch::Receiver<bool>,
 }
 
@@ -68,7 +75,7 @@ pub async fn run_peer<E: Display + From<LinkError>>(
 }
 
 impl PeerArguments {
-    async fn post(self, leaving: &'static str) -> Result<Post, LinkError> {
+    async fn post(self, how: &'static str) -> Result<Post, LinkError> {
         // Wait for signals first, so that a signal during the start also leads to a clean exit.
         let terminated = termination();
         let credentials = Credentials::read(&self.trust, &self.identity)?;
@@ -77,9 +84,14 @@ impl PeerArguments {
             health.serve(listen).await?;
         }
         let (stop, stopped) = watch::channel(false);
+        let leaving = self.leaving.leaving();
+        let leaves = self.leaving.time_to_leave(leaving.clone());
         tokio::spawn(async move {
-            let signal = terminated.await;
-            tracing::info!("{signal}, {leaving}");
+            let reason = tokio::select! {
+                signal = terminated => signal.to_owned(),
+                reason = leaves => reason,
+            };
+            tracing::info!("{reason}, {how}");
             stop.send_replace(true);
         });
         Ok(Post {
@@ -87,6 +99,7 @@ impl PeerArguments {
             credentials,
             local_address: self.local_address,
             health,
+            leaving,
             stop: stopped,
         })
     }

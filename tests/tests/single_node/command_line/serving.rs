@@ -1,7 +1,7 @@
 //! Tests a running coordinator, and the commands that find it.
 
 use crate::command_line::Desk;
-use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker};
+use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker, start_worker_with};
 use serde_json::Value;
 use std::{thread, time::Duration};
 
@@ -177,6 +177,43 @@ fn workers_of_their_own_processes_come_and_go() {
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let digest = desk.murmuration.run(&["digest", "small-2"]);
     assert_eq!(digest.stdout.trim(), undisturbed);
+}
+
+#[test]
+fn a_worker_leaves_when_it_is_told_to_beforehand() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    let (serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
+    let worker = |name: &str, value: &str| start_worker_with(&url, &[(name, value)]);
+    // Work comes before the end, and the last results are sent.
+    let mut idle = worker("MURMURATION_IDLE_TIMEOUT", "2s");
+    idle.wait_until_joined();
+    desk.check(&["submit", &spec], 0, "campaign small-1 submitted");
+    desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+    let told = idle.wait_for("no work for 2s, leaving");
+    assert!(told.contains("INFO"), "{told}");
+    assert_eq!(idle.wait(), Some(0));
+    assert_eq!(worker("MURMURATION_LIFETIME", "1s").wait(), Some(0));
+    // 15 s are kept for the last results.
+    assert_eq!(worker("MURMURATION_TIME_LIMIT", "0-00:00:16").wait(), Some(0));
+    let job = [
+        ("SLURM_JOB_END_TIME", "1"),
+        ("SLURM_JOB_ID", "42"),
+        ("SLURM_PROCID", "0"),
+    ];
+    let mut of_job = start_worker_with(&url, &job);
+    of_job.wait_for("the time limit is near");
+    assert_eq!(of_job.wait(), Some(0));
+
+    let mut lost = worker("MURMURATION_ON_COORDINATOR_LOST", "exit");
+    lost.wait_until_joined();
+    assert_eq!(serving.terminate(), Some(0));
+    lost.wait_for("the coordinator is lost, leaving");
+    assert_eq!(lost.wait(), Some(0));
+    let mut never = worker("MURMURATION_ON_COORDINATOR_LOST", "retry=1s");
+    let told = never.wait_for("error: no connection");
+    assert!(told.contains("(--on-coordinator-lost)"), "{told}");
+    assert_eq!(never.wait(), Some(1));
 }
 
 #[test]

@@ -93,6 +93,7 @@ impl Honest {
             threads: NonZeroUsize::MIN,
             cache: cache.to_owned(),
             health: murmuration_link::Health::default(),
+            leaving: murmuration_link::Leaving::default(),
         };
         let (stop, stopped) = watch::channel(false);
         let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };

@@ -19,6 +19,7 @@ fn options(secrets: &Secrets, cluster: &Cluster, credentials: Credentials) -> wo
         name: "tested".to_owned(),
         local_address: None,
         health: Health::new(),
+        leaving: murmuration_link::Leaving::default(),
         threads: NonZeroUsize::MIN,
         cache: secrets.path("cache"),
     }
