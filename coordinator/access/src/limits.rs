@@ -9,7 +9,7 @@
 use std::{num::NonZeroU32, time::Duration};
 
 /// Maximum number of open connections of the endpoint that other machines reach; fewer if the system allows fewer open files.
-pub const MAX_CONNECTIONS: usize = 4096;
+pub const MAX_CONNECTIONS: usize = 12_288;
 /// Maximum number of open connections from one address (for IPv6, one /64 network); never more than half of all connections.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
 /// Maximum number of open connections of the endpoint for this machine alone, where access is restricted.

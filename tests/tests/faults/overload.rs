@@ -75,7 +75,7 @@ fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
 }
 
 /// Number of source addresses of the connections. All are addresses of this machine.
-const PEERS: u8 = 5;
+const PEERS: u8 = 13;
 
 /// Connections from each address: more than the limit for one address.
 const PER_PEER: usize = MAX_CONNECTIONS_PER_PEER + 50;
