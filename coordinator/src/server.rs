@@ -21,6 +21,7 @@ use murmuration_engine::{
     space::Spaces,
     synthetic::SyntheticAnnotator,
 };
+use murmuration_link::machine_name;
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
@@ -263,7 +264,9 @@ impl Coordinator {
             });
         }
         let (local, servers) = served.open(listener, &options).await?;
-        options.data.announce(&local.url)?;
+        options
+            .data
+            .announce(&local.url, &machine_name().unwrap_or_default())?;
         readiness.set(true).await;
         Ok(Self {
             address,

@@ -61,6 +61,7 @@ impl Connection {
             match hold(&global.data) {
                 Ok(data) => return Self::start(global, data, in_process).await,
                 Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
+                    CliError::expect_this_machine(&holder, &global.data)?;
                     let token = local_token(&global.data)?;
                     let credentials = token.map_or_else(Credentials::default, Credentials::token);
                     return Self::to(&holder.address, &credentials).await;

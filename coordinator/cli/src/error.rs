@@ -5,12 +5,12 @@ use murmuration_coordinator::server::ServerError;
 use murmuration_embed::{EmbedError, RuntimeError};
 use murmuration_export::ExportError;
 use murmuration_files::FolderError;
-use murmuration_link::{CredentialsError, OutputError, root_cause};
+use murmuration_link::{CredentialsError, OutputError, machine_name, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_report::{ReportError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
 use murmuration_store::{
-    StoreError,
+    LockHolder, StoreError,
     backup::{BackupError, TargetError},
 };
 use murmuration_swarm::{Invalid, SpecFileError, Text, text::masked_url};
@@ -59,6 +59,20 @@ impl CliError {
             "no coordinator answers at {} ({reason}): check the URL, and that `murmuration serve` runs there",
             masked_url(url)
         ))
+    }
+
+    /// Error if the process that holds the data directory `data` is on another machine: its address is for that machine alone.
+    pub(super) fn expect_this_machine(holder: &LockHolder, data: &Path) -> Result<(), Self> {
+        let own = machine_name();
+        if holder.machine.is_empty() || own.is_none_or(|own| own == holder.machine) {
+            return Ok(());
+        }
+        Err(Self::Failed(format!(
+            "the coordinator of {} runs on the machine {}: use this command there, or name the coordinator with --coordinator \
+             URL, if it was started with `serve --listen` for other machines",
+            data.display(),
+            Text::line(&holder.machine)
+        )))
     }
 
     /// Converts an error of the store. If another process holds the data directory, the message ends with the advice `hint`.

@@ -52,6 +52,7 @@ fn address(global: &Global) -> Result<(String, Credentials), CliError> {
     }
     match DataDirectory::hold_existing(&global.data) {
         Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
+            CliError::expect_this_machine(&holder, &global.data)?;
             Ok((holder.address, Credentials::default()))
         }
         Err(error) => Err(error.into()),

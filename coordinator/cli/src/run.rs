@@ -129,6 +129,9 @@ impl Run {
                 "wait until that process has ended, or name another --data DIR",
             );
         }
+        if let Err(elsewhere) = CliError::expect_this_machine(holder, &global.data) {
+            return elsewhere;
+        }
         let seed = self.seed.map_or(String::new(), |seed| format!(" --seed {seed}"));
         let submit = format!("submit {}{seed}", quoted(&self.spec.display().to_string()));
         // `submit` finds the process, and the token for it, by the data directory.

@@ -6,7 +6,7 @@ use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
 use murmuration_coordinator::{local::LocalCluster, server::Options};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
-use murmuration_link::{errln, termination};
+use murmuration_link::{errln, machine_name, termination};
 use murmuration_store::DataDirectory;
 use std::{
     net::{Ipv4Addr, SocketAddr},
@@ -98,7 +98,7 @@ impl Serve {
             }
             cluster = started => cluster?,
         };
-        let url = cluster.coordinator().url();
+        let url = self.url_for_others(cluster.coordinator().url());
         errln!("serving {} at {url}", global.data.display());
         self.say_how_to_reach(&url);
         let signal = ended.await;
@@ -115,6 +115,17 @@ impl Serve {
         let tokens = self.tokens.as_deref().map(Tokens::read).transpose()?;
         let listen = ListenConfig::new(self.listen, tls, tokens, self.insecure_listen)?;
         Ok(listen.with_seats(&self.seats))
+    }
+
+    /// `url` with the name of this machine, if the coordinator listens on all addresses: nobody reaches it at 0.0.0.0.
+    fn url_for_others(&self, url: String) -> String {
+        let listens_everywhere = self.listen.ip().to_canonical().is_unspecified();
+        match machine_name().filter(|_| listens_everywhere) {
+            Some(machine) => ["0.0.0.0", "[::]"]
+                .iter()
+                .fold(url, |url, all| url.replacen(all, &machine, 1)),
+            None => url,
+        }
     }
 
     fn say_how_to_reach(&self, url: &str) {

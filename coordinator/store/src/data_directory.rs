@@ -79,7 +79,7 @@ impl DataDirectory {
                     path: path.to_path_buf(),
                     lock,
                 };
-                held.announce("")?;
+                held.announce("", "")?;
                 Ok(held)
             }
             Err(fs::TryLockError::WouldBlock) => Err(StoreError::InUse {
@@ -130,14 +130,15 @@ impl DataDirectory {
         }
     }
 
-    /// Writes the address of this process's coordinator into the lock file.
+    /// Writes the address of this process's coordinator, and the name of its machine, into the lock file.
     ///
     /// # Errors
     /// If the lock file cannot be written.
-    pub fn announce(&self, address: &str) -> Result<(), StoreError> {
+    pub fn announce(&self, address: &str, machine: &str) -> Result<(), StoreError> {
         let holder = LockHolder {
             process: std::process::id(),
             address: address.to_owned(),
+            machine: machine.to_owned(),
         };
         let write = |mut file: &fs::File| -> io::Result<()> {
             file.set_len(0)?;

@@ -17,8 +17,11 @@ use std::{
 pub struct LockHolder {
     /// Process id of the holder; 0 if the lock file does not have it yet.
     pub process: u32,
-    /// Address of the holder's coordinator, `http://HOST:PORT`; empty if the lock file does not have it yet.
+    /// Address of the holder's coordinator, `http://HOST:PORT`; empty if the lock file does not have it yet. Only processes of the
+    /// same machine reach this address.
     pub address: String,
+    /// Name of the holder's machine; empty if it is unknown. A data directory can be on a file system that machines share.
+    pub machine: String,
 }
 
 impl fmt::Display for LockHolder {

@@ -257,7 +257,7 @@ fn what_is_not_there_is_named() {
 fn a_held_directory_is_refused_with_its_holder() {
     let folder = tempfile::tempdir().unwrap();
     let held = DataDirectory::hold(folder.path()).unwrap();
-    held.announce("http://127.0.0.1:1").unwrap();
+    held.announce("http://127.0.0.1:1", "node-7").unwrap();
     let error = DataDirectory::hold(folder.path()).unwrap_err().to_string();
     let process = std::process::id();
     assert!(

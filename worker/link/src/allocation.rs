@@ -33,7 +33,7 @@ fn fewest(allowed: NonZeroUsize, variable: impl Fn(&str) -> Option<String>) -> N
 /// Name for people of a process of this `kind` (such as "worker"): that of the machine, with the scheduler's job if there is one.
 #[must_use]
 pub fn process_name(kind: &str) -> String {
-    let machine = machine().unwrap_or_else(|| kind.to_owned());
+    let machine = machine_name().unwrap_or_else(|| kind.to_owned());
     match job(|name| env::var(name).ok()) {
         Some(job) => format!("{machine} (job {job})"),
         None => machine,
@@ -55,9 +55,10 @@ fn job(variable: impl Fn(&str) -> Option<String>) -> Option<String> {
     })
 }
 
-/// The name of this machine, up to the first dot.
+/// The name of this machine, up to the first dot; `None` if the system has no name, or one that cannot be shown.
 #[cfg(unix)]
-fn machine() -> Option<String> {
+#[must_use]
+pub fn machine_name() -> Option<String> {
     let system = rustix::system::uname();
     let name = system.nodename().to_str().ok()?.split('.').next()?;
     let is_shown = !name.is_empty() && name.len() <= 63 && name.bytes().all(|byte| byte.is_ascii_graphic());
@@ -65,7 +66,7 @@ fn machine() -> Option<String> {
 }
 
 #[cfg(not(unix))]
-fn machine() -> Option<String> {
+pub fn machine_name() -> Option<String> {
     env::var("COMPUTERNAME").ok()
 }
 

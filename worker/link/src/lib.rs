@@ -16,7 +16,7 @@ mod stop;
 mod telemetry;
 mod token;
 
-pub use allocation::{cores, process_name};
+pub use allocation::{cores, machine_name, process_name};
 pub use attempts::{attempts, for_lease, may_pass, may_pass_elsewhere};
 pub use checkpoints::fetch_checkpoint;
 pub use credentials::{

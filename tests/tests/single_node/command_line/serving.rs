@@ -3,7 +3,7 @@
 use crate::command_line::Desk;
 use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker, start_worker_with};
 use serde_json::Value;
-use std::{thread, time::Duration};
+use std::{fs, thread, time::Duration};
 
 #[test]
 fn a_second_process_is_told_who_holds_the_data_directory() {
@@ -177,6 +177,22 @@ fn workers_of_their_own_processes_come_and_go() {
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let digest = desk.murmuration.run(&["digest", "small-2"]);
     assert_eq!(digest.stdout.trim(), undisturbed);
+}
+
+#[test]
+fn a_command_on_another_machine_is_told_where_the_coordinator_runs() {
+    let desk = Desk::new();
+    let (_serving, _) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
+    // The data directory is on a file system that machines share: another machine wrote its name into the lock file.
+    let lock = desk.path("data/lock.json");
+    let mut holder: Value = serde_json::from_str(&fs::read_to_string(&lock).unwrap()).unwrap();
+    assert!(!holder["machine"].as_str().unwrap().is_empty(), "{holder}");
+    holder["machine"] = "node-7".into();
+    fs::write(&lock, holder.to_string()).unwrap();
+    let spec = desk.path("small.toml");
+    for command in [["list"].as_slice(), &["submit", &spec], &["run", &spec], &["health"]] {
+        desk.check(command, 1, "runs on the machine node-7: use this command there");
+    }
 }
 
 #[test]

@@ -87,6 +87,8 @@ fn one_listens_beyond_this_machine_only_on_purpose() {
     );
 
     let mut trusting = serve(&secrets, &["--listen", "0.0.0.0:0", "--insecure-listen"]);
+    let workers = trusting.wait_for("murmuration-worker --coordinator http://");
+    assert!(!workers.contains("0.0.0.0"), "{workers}");
     trusting.wait_for("connections are not encrypted");
     trusting.wait_for("no tokens are required");
     assert_eq!(trusting.terminate(), Some(0));
