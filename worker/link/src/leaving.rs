@@ -1,8 +1,9 @@
 //! When a worker or trainer leaves by itself, so that it does not use up time of a cluster that others could use.
 
 use clap::builder::BoolishValueParser;
+use murmuration_proto::v1::{self, coordinator_message, worker_message};
 use std::{
-    collections::VecDeque,
+    collections::HashMap,
     env,
     str::FromStr,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -11,7 +12,7 @@ use std::{
 
 /// Minimum time between leaving and the end of the process's allocation: the results of the last leases must be sent.
 const LAST_RESULTS: Duration = Duration::from_secs(15);
-/// A lease may take this many times as long as the longest lease so far.
+/// A step (a lease of a worker, an epoch of a trainer) may take this many times as long as the longest step so far.
 const LONGER: u32 = 2;
 /// Time between two looks at clock, work and parent.
 const INTERVAL: Duration = Duration::from_millis(250);
@@ -124,16 +125,20 @@ pub(crate) struct Activity(Arc<Mutex<Work>>);
 
 #[derive(Debug)]
 struct Work {
-    /// When the open leases came, oldest first. Which result belongs to which lease does not matter.
-    open: VecDeque<Instant>,
+    /// The open leases, with the time of their last step: when they came, or the last report of a training.
+    open: HashMap<LeaseKey, Instant>,
     idle_since: Instant,
+    /// The longest step so far.
     longest: Duration,
 }
+
+/// The coordinator's epoch, and the number of the lease in it.
+type LeaseKey = (u64, u64);
 
 impl Default for Work {
     fn default() -> Self {
         Self {
-            open: VecDeque::new(),
+            open: HashMap::new(),
             idle_since: Instant::now(),
             longest: Duration::ZERO,
         }
@@ -141,20 +146,36 @@ impl Default for Work {
 }
 
 impl Activity {
-    pub(crate) fn lease_came(&self) {
-        self.work().open.push_back(Instant::now());
-    }
-
-    pub(crate) fn result_went(&self) {
-        let mut work = self.work();
-        if let Some(came) = work.open.pop_front() {
-            work.longest = work.longest.max(came.elapsed());
+    /// Notes a message from the coordinator.
+    pub(crate) fn received(&self, message: &coordinator_message::Message) {
+        match message {
+            coordinator_message::Message::Lease(lease) => {
+                if let Some(lease) = key(lease.id) {
+                    self.work().open.insert(lease, Instant::now());
+                }
+            }
+            // A withdrawn lease has no result.
+            coordinator_message::Message::Withdrawal(withdrawal) => self.work().end(key(withdrawal.lease)),
+            coordinator_message::Message::Welcome(_) => {}
         }
-        work.idle_since = Instant::now();
     }
 
-    /// Notes that the connection ended: the coordinator gives the leases to others.
-    pub(crate) fn connection_ended(&self) {
+    /// Notes a message to the coordinator.
+    pub(crate) fn sent(&self, message: &worker_message::Message) {
+        match message {
+            worker_message::Message::Result(result) => {
+                let mut work = self.work();
+                work.step(key(result.lease));
+                work.end(key(result.lease));
+            }
+            // A trainer leaves after an epoch, not after a training.
+            worker_message::Message::Training(report) => self.work().step(key(report.lease)),
+            _ => {}
+        }
+    }
+
+    /// Notes that the process has dropped all leases.
+    pub(crate) fn dropped_all(&self) {
         let mut work = self.work();
         if !work.open.is_empty() {
             work.open.clear();
@@ -170,13 +191,33 @@ impl Activity {
         }
     }
 
-    fn longest(&self) -> Duration {
-        self.work().longest
+    /// Time that the process keeps for its last results.
+    fn reserve(&self) -> Duration {
+        LAST_RESULTS.max(self.work().longest.saturating_mul(LONGER))
     }
 
     fn work(&self) -> MutexGuard<'_, Work> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+impl Work {
+    fn step(&mut self, lease: Option<LeaseKey>) {
+        if let Some(last) = lease.and_then(|lease| self.open.get_mut(&lease)) {
+            self.longest = self.longest.max(last.elapsed());
+            *last = Instant::now();
+        }
+    }
+
+    fn end(&mut self, lease: Option<LeaseKey>) {
+        if lease.and_then(|lease| self.open.remove(&lease)).is_some() {
+            self.idle_since = Instant::now();
+        }
+    }
+}
+
+fn key(lease: Option<v1::LeaseId>) -> Option<LeaseKey> {
+    lease.map(|lease| (lease.epoch, lease.number))
 }
 
 impl LeavingArguments {
@@ -205,9 +246,8 @@ impl LeavingArguments {
             {
                 return format!("the lifetime of {} is over", humantime::format_duration(lifetime));
             }
-            let reserve = LAST_RESULTS.max(LONGER * leaving.activity.longest());
             if let Some(limit) = limit
-                && begun.elapsed() + reserve >= limit
+                && begun.elapsed() + leaving.activity.reserve() >= limit
             {
                 return "the time limit is near".to_owned();
             }
@@ -266,19 +306,78 @@ mod tests {
         }
     }
 
+    fn lease(number: u64) -> coordinator_message::Message {
+        coordinator_message::Message::Lease(v1::Lease {
+            id: Some(v1::LeaseId { epoch: 7, number }),
+            ..v1::Lease::default()
+        })
+    }
+
+    fn result(number: u64) -> worker_message::Message {
+        worker_message::Message::Result(v1::BatchResult {
+            lease: Some(v1::LeaseId { epoch: 7, number }),
+            ..v1::BatchResult::default()
+        })
+    }
+
+    const SHORT: Duration = Duration::from_millis(5);
+
     #[test]
     fn a_process_with_a_lease_is_not_idle() {
         let activity = Activity::default();
-        activity.lease_came();
-        activity.lease_came();
-        activity.result_went();
+        activity.received(&lease(1));
+        activity.received(&lease(2));
+        activity.sent(&result(2));
+        // An unknown lease changes nothing.
+        activity.sent(&result(9));
+        std::thread::sleep(SHORT);
         assert_eq!(activity.idle_for(), Duration::ZERO);
-        activity.result_went();
-        std::thread::sleep(Duration::from_millis(5));
-        assert!(activity.idle_for() >= Duration::from_millis(5));
-        activity.lease_came();
-        activity.connection_ended();
-        std::thread::sleep(Duration::from_millis(5));
-        assert!(activity.idle_for() >= Duration::from_millis(5));
+        activity.sent(&result(1));
+        std::thread::sleep(SHORT);
+        assert!(activity.idle_for() >= SHORT);
+        activity.received(&lease(3));
+        let withdrawal = v1::Withdrawal {
+            lease: Some(v1::LeaseId { epoch: 7, number: 3 }),
+        };
+        activity.received(&coordinator_message::Message::Withdrawal(withdrawal));
+        std::thread::sleep(SHORT);
+        assert!(activity.idle_for() >= SHORT, "it was withdrawn");
+        activity.received(&lease(4));
+        activity.dropped_all();
+        std::thread::sleep(SHORT);
+        assert!(activity.idle_for() >= SHORT);
+    }
+
+    /// An activity whose open lease 1 came some time ago.
+    fn since(ago: Duration) -> Activity {
+        let activity = Activity::default();
+        activity.received(&lease(1));
+        let came = Instant::now().checked_sub(ago).unwrap();
+        activity.work().open.insert((7, 1), came);
+        activity
+    }
+
+    #[test]
+    fn twice_the_longest_step_is_kept_for_the_last_results() {
+        let minute = Duration::from_secs(60);
+        let activity = since(minute);
+        for number in 2..5 {
+            activity.received(&lease(number));
+            activity.sent(&result(number));
+        }
+        assert_eq!(activity.reserve(), LAST_RESULTS);
+        activity.sent(&result(1));
+        assert!((2 * minute..3 * minute).contains(&activity.reserve()));
+        // A training is a lease of many epochs.
+        let activity = since(minute);
+        for _ in 0..3 {
+            activity.sent(&worker_message::Message::Training(v1::TrainingReport {
+                lease: Some(v1::LeaseId { epoch: 7, number: 1 }),
+                ..v1::TrainingReport::default()
+            }));
+        }
+        activity.work().open.insert((7, 1), Instant::now());
+        activity.sent(&result(1));
+        assert!((2 * minute..3 * minute).contains(&activity.reserve()));
     }
 }

@@ -214,7 +214,10 @@ pub async fn keep(
                 tracing::info!(name = address.name, coordinator, "connected");
                 health.ready(true).await;
                 let ended = peer.session(link, stop.clone()).await;
-                address.leaving.activity.connection_ended();
+                // A worker goes on with its leases, and sends the results over its next connection.
+                if matches!(address.role, Role::Trainer) {
+                    address.leaving.activity.dropped_all();
+                }
                 lost.was_connected();
                 health.ready(false).await;
                 ended

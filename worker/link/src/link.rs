@@ -101,9 +101,7 @@ impl Link {
                     let message = message?.ok_or(Broken::Closed)?;
                     // Messages of unknown kinds, from later versions, are ignored.
                     if let Some(message) = message.message {
-                        if matches!(message, coordinator_message::Message::Lease(_)) {
-                            self.activity.lease_came();
-                        }
+                        self.activity.received(&message);
                         return Ok(message);
                     }
                 }
@@ -119,9 +117,7 @@ impl Link {
     /// # Errors
     /// Fails if the stream has ended.
     pub async fn send(&self, message: worker_message::Message) -> Result<(), Broken> {
-        if matches!(message, worker_message::Message::Result(_)) {
-            self.activity.result_went();
-        }
+        self.activity.sent(&message);
         send(&self.outbox, message).await
     }
 

@@ -87,12 +87,17 @@ impl PeerArguments {
         let leaving = self.leaving.leaving();
         let leaves = self.leaving.time_to_leave(leaving.clone());
         tokio::spawn(async move {
-            let reason = tokio::select! {
-                signal = terminated => signal.to_owned(),
-                reason = leaves => reason,
+            tokio::pin!(terminated);
+            let (reason, was_signal) = tokio::select! {
+                signal = &mut terminated => (signal.to_owned(), true),
+                reason = leaves => (reason, false),
             };
             tracing::info!("{reason}, {how}");
             stop.send_replace(true);
+            if !was_signal {
+                // Two signals end the process at once, as they do otherwise.
+                terminated.await;
+            }
         });
         Ok(Post {
             coordinator: self.coordinator,
