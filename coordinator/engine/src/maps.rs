@@ -2,10 +2,11 @@
 //!
 //! A map is kept until the archive grows or changes its version, or until other maps need its room. A forgotten map is computed
 //! again, with the same result. No result of a campaign depends on maps. A t-SNE map is long work of the client that asked first
-//! (see [`long`]), and is computed only for as long as somebody keeps asking.
+//! (see [`LongTurn`]), and is computed only for as long as somebody keeps asking. While the client has another map in work, the map
+//! waits for the next request.
 
 use crate::{
-    blocking::{Broken, in_background, long, outlive, parallel},
+    blocking::{Broken, LongTurn, in_background, outlive, parallel},
     space::{Space, SpaceError, Spaces},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState};
@@ -69,6 +70,7 @@ enum Asked {
 
 /// A t-SNE map that is to be computed. If it is dropped before that, the next request asks for the map again.
 struct Wanted {
+    turn: Option<LongTurn>,
     space: Arc<Space>,
     axes: Arc<Projection>,
     neighbours: Arc<Mutex<Neighbours>>,
@@ -149,8 +151,9 @@ impl Maps {
             return Ok(None);
         }
         self.somebody_asks(&record.id);
+        let turn = LongTurn::free();
         let (maps, of) = (self.clone(), record.clone());
-        match in_background(move |_| maps.ask(&of)).await?? {
+        match in_background(move |_| maps.ask(&of, turn)).await?? {
             Asked::Known(points) => return Ok(Some(points)),
             Asked::UnderWay => {}
             Asked::Wanted(wanted) => {
@@ -161,7 +164,8 @@ impl Maps {
         Ok(None)
     }
 
-    fn ask(&self, record: &CampaignRecord) -> Result<Asked, SpaceError> {
+    /// Notes that the map is under way if `turn` allows this.
+    fn ask(&self, record: &CampaignRecord, turn: Option<LongTurn>) -> Result<Asked, SpaceError> {
         let kept = self.kept.of(&record.id);
         let mut guard = lock(&kept);
         let known = self.current(record, &mut guard)?;
@@ -170,6 +174,9 @@ impl Maps {
             Neighbours::UnderWay => return Ok(Asked::UnderWay),
             Neighbours::Unasked => {}
         }
+        let Some(turn) = turn else {
+            return Ok(Asked::UnderWay);
+        };
         let space = self.spaces.of(record)?;
         if version(&space) != known.of {
             // The archive has changed already. The next request uses its new version.
@@ -177,6 +184,7 @@ impl Maps {
         }
         *lock(&known.neighbours) = Neighbours::UnderWay;
         Ok(Asked::Wanted(Wanted {
+            turn: Some(turn),
             space,
             axes: Arc::clone(&known.axes),
             neighbours: Arc::clone(&known.neighbours),
@@ -185,11 +193,14 @@ impl Maps {
     }
 
     /// Computes a t-SNE map until the map is done or nobody wants it any more.
-    async fn arrange(&self, campaign: &CampaignId, wanted: Wanted) {
+    async fn arrange(&self, campaign: &CampaignId, mut wanted: Wanted) {
+        let Some(turn) = wanted.turn.take() else {
+            return;
+        };
         // The map is not forgotten while this task holds it.
         let _kept = self.kept.of(campaign);
         let (interrupt, neighbours) = (wanted.interrupt.clone(), Arc::clone(&wanted.neighbours));
-        let compute = move |_: &Interrupt| {
+        let compute = move || {
             let Wanted {
                 space,
                 axes,
@@ -201,7 +212,7 @@ impl Maps {
             *lock(&wanted.neighbours) = Neighbours::Known(Arc::new(points));
             Some(bytes)
         };
-        let computed = long(compute);
+        let computed = turn.run(compute);
         tokio::pin!(computed);
         let bytes = loop {
             tokio::select! {

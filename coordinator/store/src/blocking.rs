@@ -11,12 +11,16 @@ use std::{
     cell::Cell,
     sync::{Arc, LazyLock},
 };
-use tokio::runtime::{Builder, Handle, Runtime};
+use tokio::{
+    runtime::{Builder, Handle, Runtime},
+    sync::OwnedSemaphorePermit,
+};
 use turns::Turn;
 
-/// Number of threads of [`in_background`].
-const BACKGROUND_THREADS: usize = 8;
-/// Number of threads of [`long`].
+/// Number of threads of [`in_background`]: one for each seat of the classes whose requests use these threads. Most of them wait for
+/// the database.
+const BACKGROUND_THREADS: usize = 32;
+/// Number of threads for [`LongTurn`]s.
 const LONG_THREADS: usize = 2;
 /// Nice value of the threads of [`in_background`]: one such thread gets a tenth of a core that campaigns also use. With a larger
 /// share, a guest who opens hundreds of pages would slow campaigns by more than a fifth.
@@ -119,33 +123,48 @@ pub async fn shared<F: Future>(make: F) -> F::Output {
     }
 }
 
-/// Runs `work` that takes very long, with low priority on threads of its own. Of each client, one such piece of work runs at a
-/// time, beside the client's turns; the work does not hold the client's seat. If the future is dropped, the work is interrupted,
-/// or never begins.
-///
-/// # Errors
-/// [`Broken`] if `work` panics.
-pub async fn long<T: Send + 'static>(
-    work: impl FnOnce(&Interrupt) -> T + Send + 'static,
-) -> Result<T, Broken> {
-    let permit = match turns() {
-        Some(turns) => turns.long().await,
-        None => None,
-    };
-    let threads = LONG.as_ref();
-    let threads = threads.map_or_else(Handle::current, |threads| threads.handle().clone());
-    let wanted = Wanted(Interrupt::default());
-    let interrupt = wanted.0.clone();
-    let work = move || {
-        let _permit = permit;
-        interrupt.check().ok()?;
-        let _marked = Marked::new(Level::Low);
-        Some(work(&interrupt))
-    };
-    let done = threads.spawn_blocking(work).await;
-    drop(wanted);
-    // Work that never began has no caller left, so nobody sees this error.
-    done.ok().flatten().ok_or(Broken)
+/// Permission of a client for one piece of long work, until dropped.
+#[derive(Debug)]
+pub struct LongTurn {
+    _permit: Option<OwnedSemaphorePermit>,
+}
+
+impl LongTurn {
+    /// The permission of this task's client; `None` while the client has other long work.
+    #[must_use]
+    pub fn free() -> Option<Self> {
+        match turns() {
+            Some(turns) => turns.long().map(|permit| Self {
+                _permit: Some(permit),
+            }),
+            None => Some(Self { _permit: None }),
+        }
+    }
+
+    /// Runs `work` that takes very long, with low priority on threads of its own, beside the client's turns and seats. If the
+    /// future is dropped, work that has not begun never begins.
+    ///
+    /// # Errors
+    /// [`Broken`] if `work` panics.
+    pub async fn run<T: Send + 'static>(
+        self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Broken> {
+        let threads = LONG.as_ref();
+        let threads = threads.map_or_else(Handle::current, |threads| threads.handle().clone());
+        let wanted = Wanted(Interrupt::default());
+        let interrupt = wanted.0.clone();
+        let work = move || {
+            let _turn = self;
+            interrupt.check().ok()?;
+            let _marked = Marked::new(Level::Low);
+            Some(work())
+        };
+        let done = threads.spawn_blocking(work).await;
+        drop(wanted);
+        // Work that never began has no caller left, so nobody sees this error.
+        done.ok().flatten().ok_or(Broken)
+    }
 }
 
 /// Runs a pure computation that uses several threads (rayon). Work of [`in_background`] must use this function, so that the other
@@ -250,7 +269,7 @@ static PARALLEL: LazyLock<Option<ThreadPool>> = LazyLock::new(|| {
 static BACKGROUND: LazyLock<Option<Runtime>> =
     LazyLock::new(|| low_threads("background", BACKGROUND_THREADS));
 
-/// The process's threads for [`long`] work.
+/// The process's threads for [`LongTurn`]s.
 static LONG: LazyLock<Option<Runtime>> = LazyLock::new(|| low_threads("long", LONG_THREADS));
 
 /// Up to `count` threads of low priority.
@@ -475,7 +494,12 @@ mod tests {
             holding(Arc::new(()), Priority::Low(turns.clone()), limited).await
         };
         assert_eq!(as_client(&mut Box::pin(shared(blocking(|| 1)))).await, Ok(Ok(1)));
-        assert_eq!(as_client(&mut Box::pin(long(|_| 2))).await, Ok(Ok(2)));
+        let long = async {
+            let turn = LongTurn::free();
+            assert!(LongTurn::free().is_none(), "there is one at a time");
+            turn.unwrap().run(|| 2).await
+        };
+        assert_eq!(as_client(&mut Box::pin(long)).await, Ok(Ok(2)));
         assert!(as_client(&mut Box::pin(blocking(|| 3))).await.is_err());
         drop(go);
         for task in busy {

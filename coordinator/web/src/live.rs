@@ -134,8 +134,8 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
 }
 
 /// Sends the result of `look` whenever the result changes, for as long as the client is connected. `look` runs several times a
-/// second for all followers of `sights` together, so that its cost must not grow with the archive. If `look` takes long, it runs
-/// for at most a fifth of the time.
+/// second for all followers of `sights` together, so that its cost must not grow with the archive. If `look` takes up to
+/// 1.25 s, it runs for at most a fifth of the time.
 pub(super) fn follow<Look, Looked, E>(sights: Followed<String>, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,

@@ -99,12 +99,18 @@ async fn a_map_whose_request_was_dropped_is_made_for_the_next() {
     let record = paused(&store, 1);
     let maps = Maps::new(Spaces::new(store), Interrupt::default());
     // As if the client had left before the computation was spawned.
-    assert!(matches!(maps.ask(&record), Ok(Asked::Wanted(_))));
-    assert!(matches!(maps.ask(&record), Ok(Asked::Wanted(_))));
-    let Ok(Asked::Wanted(wanted)) = maps.ask(&record) else {
+    assert!(matches!(
+        maps.ask(&record, LongTurn::free()),
+        Ok(Asked::Wanted(_))
+    ));
+    assert!(matches!(
+        maps.ask(&record, LongTurn::free()),
+        Ok(Asked::Wanted(_))
+    ));
+    let Ok(Asked::Wanted(wanted)) = maps.ask(&record, LongTurn::free()) else {
         panic!("it is not wanted");
     };
-    assert!(matches!(maps.ask(&record), Ok(Asked::UnderWay)));
+    assert!(matches!(maps.ask(&record, LongTurn::free()), Ok(Asked::UnderWay)));
     maps.arrange(&record.id, wanted).await;
-    assert!(matches!(maps.ask(&record), Ok(Asked::Known(_))));
+    assert!(matches!(maps.ask(&record, LongTurn::free()), Ok(Asked::Known(_))));
 }

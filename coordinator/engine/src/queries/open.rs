@@ -7,7 +7,7 @@ use super::{
     ranking,
 };
 use crate::{
-    blocking::{blocking, parallel},
+    blocking::{blocking, parallel, shared},
     space::{SpaceError, Spaces},
 };
 use murmuration_model::{
@@ -195,7 +195,7 @@ impl Queries {
             if let Some(ranked) = ranking.newest().filter(|ranked| ranked.still_fits(record)) {
                 return Ok(ranked);
             }
-            return self.renew(&rankings, record.clone(), strategy).await;
+            return shared(self.renew(&rankings, record.clone(), strategy)).await;
         };
         if let Ok(making) = Arc::clone(&ranking.making).try_lock_owned() {
             let (queries, record) = (self.clone(), record.clone());

@@ -71,23 +71,24 @@ impl Turns {
     }
 
     pub(super) async fn next(self) -> Turn {
+        let free = Arc::clone(&self.client.free);
         let permit = match self.waits {
             // The semaphore is never closed.
-            true => Arc::clone(&self.client.free).acquire_owned().await.ok(),
-            false => None,
+            true => free.acquire_owned().await.ok(),
+            false => free.try_acquire_owned().ok(),
         };
         let left = self.client.allowance().left(Instant::now());
         Turn {
-            is_prompt: left > 0.0,
+            is_prompt: left > 0.0 && permit.is_some(),
             of: self.client,
             begun: None,
             _permit: permit,
         }
     }
 
-    /// The client's turn for long work.
-    pub(super) async fn long(self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.client.long).acquire_owned().await.ok()
+    /// The client's permit for long work, unless it has such work.
+    pub(super) fn long(self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.client.long).try_acquire_owned().ok()
     }
 }
 
