@@ -80,7 +80,10 @@ SEARCHES = {
     "uniform": {"method": "random"},
     "features": {"method": "hand-crafted"},
     "latent": {"method": "latent"},
+    "features-lag": {"method": "hand-crafted", "search": {"lag": 1}},
+    "latent-lag": {"method": "latent", "search": {"lag": 1}},
 }
+USUAL = ("uniform", "features", "latent")
 
 
 def means_by(bins, values):
@@ -251,7 +254,7 @@ def main():
     options.add_argument("--results", type=pathlib.Path, required=True)
     options.add_argument("--programs", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent / "target/release")
     options.add_argument("--robots", nargs="*", default=list(ROBOTS), choices=list(ROBOTS))
-    options.add_argument("--searches", nargs="*", default=list(SEARCHES), choices=list(SEARCHES))
+    options.add_argument("--searches", nargs="*", default=list(USUAL), choices=list(SEARCHES))
     options.add_argument("--seeds", type=int, default=10)
     options = options.parse_args()
     rows = [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.exists() else []

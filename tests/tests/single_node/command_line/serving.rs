@@ -1,9 +1,9 @@
 //! Tests a running coordinator, and the commands that find it.
 
 use crate::command_line::Desk;
-use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker, start_worker_with};
+use murmuration_tests::{Running, binary, small_latent_spec, start_trainer, start_worker, start_worker_with};
 use serde_json::Value;
-use std::{fs, thread, time::Duration};
+use std::{fs, process::Command, thread, time::Duration};
 
 #[test]
 fn a_second_process_is_told_who_holds_the_data_directory() {
@@ -225,6 +225,11 @@ fn a_worker_leaves_when_it_is_told_to_beforehand() {
     let mut of_job = start_worker_with(&url, &job);
     of_job.wait_for("the time limit is near");
     assert_eq!(of_job.wait(), Some(0));
+
+    let script = format!("(\"$0\" --coordinator {url} --end-with-parent & sleep 1); exec sleep 60");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).arg(binary("murmuration-worker"));
+    Running::start(shell).wait_for("the process that started this one has ended, leaving");
 
     let lost = ["exit", "retry=1s"].map(|value| {
         let mut lost = worker("MURMURATION_ON_COORDINATOR_LOST", value);
