@@ -63,6 +63,7 @@ impl DataDirectory {
             let link = io::Error::other("it is a hard link, so another file would change with it: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
         }
+        expect_regular(&lock_path).map_err(failed("open the lock file", &lock_path))?;
         if super::find_database(&path.join(super::Store::FILE)).is_ok_and(|found| !found) {
             expect_ours(&lock_path).map_err(failed("use the lock file", &lock_path))?;
         }
@@ -103,6 +104,7 @@ impl DataDirectory {
             path: lock_path.clone(),
             source,
         };
+        expect_regular(&lock_path).map_err(failed)?;
         let lock = match fs::File::open(&lock_path) {
             Ok(lock) => lock,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -172,6 +174,14 @@ fn create_private(path: &Path) -> io::Result<()> {
     }
 }
 
+/// Refuses a lock file that is a folder, a pipe or a device: opening a pipe would wait for ever.
+fn expect_regular(lock: &Path) -> io::Result<()> {
+    match fs::metadata(lock) {
+        Ok(about) if !about.is_file() => Err(io::Error::other("it is not a regular file: remove it")),
+        _ => Ok(()),
+    }
+}
+
 /// Refuses a lock file that Murmuration did not make, in a folder without a database. An empty file is accepted, because a lock
 /// file is made before it is written.
 fn expect_ours(lock: &Path) -> io::Result<()> {
@@ -227,6 +237,21 @@ mod tests {
         fs::hard_link(&lock, &other).unwrap();
         let error = DataDirectory::hold(folder.path()).unwrap_err().to_string();
         assert!(error.contains("hard link"), "{error}");
+    }
+
+    #[test]
+    fn a_lock_file_that_is_a_pipe_is_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = folder.path().join(DataDirectory::LOCK);
+        let made = std::process::Command::new("mkfifo").arg(&lock).status();
+        assert!(made.unwrap().success());
+        for refused in [
+            DataDirectory::hold(folder.path()).map(drop),
+            DataDirectory::watch(folder.path()).map(drop),
+        ] {
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains("not a regular file"), "{error}");
+        }
     }
 
     #[test]
