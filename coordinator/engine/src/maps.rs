@@ -142,7 +142,7 @@ impl Maps {
     }
 
     /// The t-SNE map of the archive; `None` until the map is computed. The first request starts the computation, unless the
-    /// archive still grows. The computation ends early if nobody asks for the map for [`WANTED_FOR`].
+    /// archive still grows. The computation ends early if nobody asks for the map for 20 s.
     ///
     /// # Errors
     /// If the archive cannot be read.

@@ -58,12 +58,12 @@ impl DataDirectory {
             let link = io::Error::other("it is a link to another place: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
         }
+        expect_regular(&lock_path).map_err(failed("open the lock file", &lock_path))?;
         #[cfg(unix)]
         if fs::metadata(&lock_path).is_ok_and(|about| std::os::unix::fs::MetadataExt::nlink(&about) > 1) {
             let link = io::Error::other("it is a hard link, so another file would change with it: remove it");
             return Err(failed("open the lock file", &lock_path)(link));
         }
-        expect_regular(&lock_path).map_err(failed("open the lock file", &lock_path))?;
         if super::find_database(&path.join(super::Store::FILE)).is_ok_and(|found| !found) {
             expect_ours(&lock_path).map_err(failed("use the lock file", &lock_path))?;
         }
@@ -240,18 +240,24 @@ mod tests {
     }
 
     #[test]
-    fn a_lock_file_that_is_a_pipe_is_not_opened() {
+    fn a_lock_file_that_is_a_pipe_or_a_folder_is_not_opened() {
         let folder = tempfile::tempdir().unwrap();
         let lock = folder.path().join(DataDirectory::LOCK);
         let made = std::process::Command::new("mkfifo").arg(&lock).status();
         assert!(made.unwrap().success());
-        for refused in [
-            DataDirectory::hold(folder.path()).map(drop),
-            DataDirectory::watch(folder.path()).map(drop),
-        ] {
-            let error = refused.unwrap_err().to_string();
-            assert!(error.contains("not a regular file"), "{error}");
-        }
+        let check = || {
+            for refused in [
+                DataDirectory::hold(folder.path()).map(drop),
+                DataDirectory::watch(folder.path()).map(drop),
+            ] {
+                let error = refused.unwrap_err().to_string();
+                assert!(error.contains("not a regular file"), "{error}");
+            }
+        };
+        check();
+        fs::remove_file(&lock).unwrap();
+        fs::create_dir(&lock).unwrap();
+        check();
     }
 
     #[test]

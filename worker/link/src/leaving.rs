@@ -107,7 +107,13 @@ fn slurm_time(text: &str) -> Option<u64> {
 
 /// The time that is left to the Slurm job of this process; `None` outside a job.
 fn left_to_job() -> Option<Duration> {
-    let end: u64 = env::var("SLURM_JOB_END_TIME").ok()?.parse().ok()?;
+    let text = env::var("SLURM_JOB_END_TIME").ok()?;
+    let Ok(end) = text.trim().parse::<u64>() else {
+        tracing::warn!(
+            "SLURM_JOB_END_TIME is no time: this process does not know when its job ends (--time-limit)"
+        );
+        return None;
+    };
     let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
     Some(Duration::from_secs(end).saturating_sub(now))
 }
