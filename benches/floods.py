@@ -304,7 +304,7 @@ def main():
     options.add_argument("--count", type=int, default=20_000)
     options.add_argument("--seconds", type=float, default=60)
     options.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
-    options.add_argument("--only", nargs="*", default=FLOODS)
+    options.add_argument("--only", nargs="*", default=list(FLOODS), choices=FLOODS)
     options = options.parse_args()
     # gRPC does not survive a fork.
     context = multiprocessing.get_context("spawn")
