@@ -28,8 +28,8 @@ pub(super) fn percent(part: u64, whole: u64) -> String {
 /// Sentence about the individuals that a taxonomy covers; `None` if it covers all.
 pub fn sample_in_words(spec: &CampaignSpec) -> Option<String> {
     let sample = spec.sample()?;
-    // Two standard errors of a share of one half, the share with the largest error.
-    let error = 100.0 / f64::from(sample).sqrt();
+    // Two standard errors of a share of one half, the share with the largest error, rounded up.
+    let error = (1000.0 / f64::from(sample).sqrt()).ceil() / 10.0;
     Some(format!(
         "The taxonomy covers the first {} individuals, an even sample of the controllers: a share of all individuals differs from \
          the share shown by at most {error:.1} percentage points, with 95 % confidence.",

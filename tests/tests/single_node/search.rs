@@ -114,7 +114,7 @@ async fn a_taxonomy_covers_the_sample_and_the_archive_has_everything() {
             text.contains("covers the first 1,010 individuals"),
             "{path}: {text}"
         );
-        assert!(text.contains("at most 3.1 percentage points"), "{path}");
+        assert!(text.contains("at most 3.2 percentage points"), "{path}");
     }
     cluster.stop().await;
 }
