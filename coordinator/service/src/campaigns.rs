@@ -122,8 +122,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         &self,
         _: Request<v1::ListCampaignsRequest>,
     ) -> Answer<Self::ListCampaignsStream> {
-        let ids = self.store.run(|store| store.campaign_heads()).await.or_status()?;
-        let ids: Arc<[CampaignId]> = ids.into_iter().map(|head| head.id).collect();
+        let ids: Arc<[CampaignId]> = self.store.run(Store::campaign_ids).await.or_status()?.into();
         let campaigns = self.campaigns.clone();
         Ok(as_taken(move |begins| {
             let (campaigns, ids) = (campaigns.clone(), Arc::clone(&ids));

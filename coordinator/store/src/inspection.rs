@@ -62,7 +62,7 @@ impl Store {
     ///
     /// # Errors
     /// If not even the ids can be read.
-    pub(crate) fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
+    pub fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
         self.read(|connection| {
             let mut statement =
                 connection.prepare("SELECT id FROM campaigns WHERE state <> ?1 ORDER BY number")?;
