@@ -34,7 +34,7 @@ pub struct Maps {
     spaces: Spaces,
     /// One lock per campaign, so that concurrent requests project an archive only once.
     kept: Arc<Kept<Mutex<Option<Known>>>>,
-    /// When somebody last asked for the t-SNE map of a campaign, for [`WANTED_FOR`].
+    /// The time of the last request for the t-SNE map of each campaign, kept for [`WANTED_FOR`].
     asked: Arc<Mutex<HashMap<CampaignId, Instant>>>,
     interrupt: Interrupt,
 }
@@ -64,13 +64,12 @@ enum Neighbours {
 enum Asked {
     Known(Arc<Points>),
     UnderWay,
-    /// The map is to be computed.
-    Wanted(Wanted),
+    /// The map is to be computed, in this turn.
+    Wanted(Wanted, LongTurn),
 }
 
 /// A t-SNE map that is to be computed. If it is dropped before that, the next request asks for the map again.
 struct Wanted {
-    turn: Option<LongTurn>,
     space: Arc<Space>,
     axes: Arc<Projection>,
     neighbours: Arc<Mutex<Neighbours>>,
@@ -156,9 +155,9 @@ impl Maps {
         match in_background(move |_| maps.ask(&of, turn)).await?? {
             Asked::Known(points) => return Ok(Some(points)),
             Asked::UnderWay => {}
-            Asked::Wanted(wanted) => {
+            Asked::Wanted(wanted, turn) => {
                 let (maps, id) = (self.clone(), record.id.clone());
-                outlive(async move { maps.arrange(&id, wanted).await });
+                outlive(async move { maps.arrange(&id, wanted, turn).await });
             }
         }
         Ok(None)
@@ -183,20 +182,17 @@ impl Maps {
             return Ok(Asked::UnderWay);
         }
         *lock(&known.neighbours) = Neighbours::UnderWay;
-        Ok(Asked::Wanted(Wanted {
-            turn: Some(turn),
+        let wanted = Wanted {
             space,
             axes: Arc::clone(&known.axes),
             neighbours: Arc::clone(&known.neighbours),
             interrupt: known.interrupt.child(),
-        }))
+        };
+        Ok(Asked::Wanted(wanted, turn))
     }
 
     /// Computes a t-SNE map until the map is done or nobody wants it any more.
-    async fn arrange(&self, campaign: &CampaignId, mut wanted: Wanted) {
-        let Some(turn) = wanted.turn.take() else {
-            return;
-        };
+    async fn arrange(&self, campaign: &CampaignId, wanted: Wanted, turn: LongTurn) {
         // The map is not forgotten while this task holds it.
         let _kept = self.kept.of(campaign);
         let (interrupt, neighbours) = (wanted.interrupt.clone(), Arc::clone(&wanted.neighbours));

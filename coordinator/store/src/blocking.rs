@@ -103,7 +103,7 @@ pub async fn in_background<T: Send + 'static>(
     };
     let (threads, level) = match &turn {
         Some(turn) if turn.is_prompt => (Handle::current(), Level::Prompt),
-        _ => (background(), Level::Low),
+        _ => (handle_of(&BACKGROUND), Level::Low),
     };
     let work = move |interrupt: &Interrupt| {
         let _marked = Marked::new(level);
@@ -150,20 +150,12 @@ impl LongTurn {
         self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Broken> {
-        let threads = LONG.as_ref();
-        let threads = threads.map_or_else(Handle::current, |threads| threads.handle().clone());
-        let wanted = Wanted(Interrupt::default());
-        let interrupt = wanted.0.clone();
-        let work = move || {
+        let work = move |_: &Interrupt| {
             let _turn = self;
-            interrupt.check().ok()?;
             let _marked = Marked::new(Level::Low);
-            Some(work())
+            work()
         };
-        let done = threads.spawn_blocking(work).await;
-        drop(wanted);
-        // Work that never began has no caller left, so nobody sees this error.
-        done.ok().flatten().ok_or(Broken)
+        run(handle_of(&LONG), work).await
     }
 }
 
@@ -284,10 +276,11 @@ fn low_threads(name: &str, count: usize) -> Option<Runtime> {
         .ok()
 }
 
-/// The threads of low priority, or else the threads of the current runtime.
-fn background() -> Handle {
-    let threads = BACKGROUND.as_ref();
-    threads.map_or_else(Handle::current, |threads| threads.handle().clone())
+/// These threads of low priority, or else the threads of the current runtime.
+fn handle_of(threads: &Option<Runtime>) -> Handle {
+    threads
+        .as_ref()
+        .map_or_else(Handle::current, |threads| threads.handle().clone())
 }
 
 /// Lowers the priority of this thread, on Linux only: on other systems a priority applies to the whole process.

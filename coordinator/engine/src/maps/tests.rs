@@ -101,16 +101,16 @@ async fn a_map_whose_request_was_dropped_is_made_for_the_next() {
     // As if the client had left before the computation was spawned.
     assert!(matches!(
         maps.ask(&record, LongTurn::free()),
-        Ok(Asked::Wanted(_))
+        Ok(Asked::Wanted(..))
     ));
     assert!(matches!(
         maps.ask(&record, LongTurn::free()),
-        Ok(Asked::Wanted(_))
+        Ok(Asked::Wanted(..))
     ));
-    let Ok(Asked::Wanted(wanted)) = maps.ask(&record, LongTurn::free()) else {
+    let Ok(Asked::Wanted(wanted, turn)) = maps.ask(&record, LongTurn::free()) else {
         panic!("it is not wanted");
     };
     assert!(matches!(maps.ask(&record, LongTurn::free()), Ok(Asked::UnderWay)));
-    maps.arrange(&record.id, wanted).await;
+    maps.arrange(&record.id, wanted, turn).await;
     assert!(matches!(maps.ask(&record, LongTurn::free()), Ok(Asked::Known(_))));
 }
