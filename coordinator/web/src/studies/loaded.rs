@@ -354,7 +354,7 @@ impl Loaded {
             Err(error) => (Corrections::default(), Some(error.to_string())),
         };
         let outcome = outcome.with_corrections(classes);
-        let tables = tables_and_plots(&outcome).into_string();
+        let tables = parallel(|| tables_and_plots(&outcome).into_string());
         let mut hasher = DefaultHasher::new();
         (&tables, &problem).hash(&mut hasher);
         Self {
