@@ -162,6 +162,8 @@ impl<V> Entries<V> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::blocking::{Priority, Turns, blocking, holding};
+    use std::time::Duration;
 
     fn id(number: usize) -> CampaignId {
         CampaignId::from_store(format!("campaign-{number}"))
@@ -209,6 +211,30 @@ mod tests {
         let failing = answers.of(&id(1), 4, |_| 100, async { Err("no") }).await;
         assert_eq!(failing, Err("no"));
         assert_eq!(ask(3).await, Ok(30), "the former answer is kept");
+    }
+
+    /// Runs a task for the client of these turns.
+    async fn as_client<F: Future>(turns: Turns, task: F) -> F::Output {
+        holding(Arc::new(()), Priority::Low(turns), task).await
+    }
+
+    #[tokio::test]
+    async fn nobody_waits_for_the_other_work_of_the_client_that_makes_the_answer() {
+        let (answers, turns) = (LatestAnswers::within(10_000), Turns::default());
+        let (go, gone) = std::sync::mpsc::channel::<()>();
+        let gone = Arc::new(Mutex::new(gone));
+        // The client has two turns.
+        for _ in 0..2 {
+            let gone = Arc::clone(&gone);
+            let busy = blocking(move || gone.lock().unwrap().recv().is_err());
+            tokio::spawn(as_client(turns.clone(), busy));
+        }
+        tokio::task::yield_now().await;
+        let campaign = id(1);
+        let answer = answers.of(&campaign, 1, |_| 100, blocking(|| 7));
+        let answer = tokio::time::timeout(Duration::from_secs(10), as_client(turns, answer)).await;
+        drop(go);
+        assert_eq!(answer, Ok(Ok(7)));
     }
 
     #[tokio::test]

@@ -62,7 +62,7 @@ async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
-    check_restart(longer()).await;
+    check_restart(longer(), 2).await;
 }
 
 /// Two generations are evaluated at the same time.
@@ -73,7 +73,7 @@ async fn a_search_with_a_lag_is_reproducible_and_goes_on_after_a_restart() {
     let digest = digest_with(&lagging, 1).await;
     assert_eq!(digest, digest_with(&lagging, 4).await);
     assert_ne!(digest, digest_with(&longer(), 4).await);
-    check_restart(lagging).await;
+    check_restart(lagging, 2).await;
 }
 
 /// A random campaign whose taxonomy covers a sample.
@@ -87,7 +87,8 @@ fn sampled() -> CampaignSpec {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_search_with_a_sample_goes_on_after_a_restart() {
-    check_restart(sampled()).await;
+    // 60 generations of 20 are more than the sample.
+    check_restart(sampled(), 60).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -119,13 +120,14 @@ async fn a_taxonomy_covers_the_sample_and_the_archive_has_everything() {
     cluster.stop().await;
 }
 
-/// Checks that a campaign whose coordinator is stopped in the middle has the same digest as an undisturbed one.
-async fn check_restart(spec: CampaignSpec) {
+/// Checks that a campaign whose coordinator is stopped once more than `after` generations are done has the same digest as an
+/// undisturbed one.
+async fn check_restart(spec: CampaignSpec, after: u32) {
     let undisturbed = digest_with(&spec, 2).await;
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     let campaign = cluster.create(&spec).await;
-    let seen = in_the_middle(&mut cluster, &campaign, 2).await;
+    let seen = in_the_middle(&mut cluster, &campaign, after).await;
     cluster.stop().await;
 
     // Without workers, the campaign has made no progress.
