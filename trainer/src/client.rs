@@ -37,7 +37,7 @@ pub struct Options {
     pub local_address: Option<IpAddr>,
     /// Receives whether the trainer is connected.
     pub health: Health,
-    /// When the process leaves by itself.
+    /// Conditions under which the process leaves by itself.
     pub leaving: Leaving,
 }
 

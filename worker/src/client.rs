@@ -34,7 +34,7 @@ pub struct Options {
     pub local_address: Option<IpAddr>,
     /// Reports whether the worker is connected.
     pub health: Health,
-    /// When the process leaves by itself.
+    /// Conditions under which the process leaves by itself.
     pub leaving: Leaving,
     /// Number of simultaneous evaluations, one per thread; at most 4,096.
     pub threads: NonZeroUsize,

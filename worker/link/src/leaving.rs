@@ -43,7 +43,7 @@ pub struct LeavingArguments {
     on_coordinator_lost: OnLost,
 }
 
-/// What a process does once it has no connection to its coordinator.
+/// Whether a process tries to reconnect after it has lost its coordinator, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OnLost {
     #[default]
@@ -118,7 +118,7 @@ fn left_to_job() -> Option<Duration> {
     Some(Duration::from_secs(end).saturating_sub(now))
 }
 
-/// When a process leaves by itself; cheap to clone. By default it never does.
+/// Conditions under which a process leaves by itself; cheap to clone. By default, a process never leaves by itself.
 #[derive(Debug, Clone, Default)]
 pub struct Leaving {
     pub on_lost: OnLost,

@@ -253,7 +253,7 @@ pub async fn keep(
     }
 }
 
-/// How long a process has had no connection.
+/// The time since a process lost its last connection, or since its start.
 struct Lost {
     on_lost: OnLost,
     had_a_connection: bool,

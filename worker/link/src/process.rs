@@ -44,7 +44,7 @@ pub struct Post {
     pub local_address: Option<IpAddr>,
     /// Health of the process, for other processes to query.
     pub health: Health,
-    /// When the process leaves by itself.
+    /// Conditions under which the process leaves by itself.
     pub leaving: Leaving,
     /// True after SIGTERM or Ctrl-C, or when it is time to leave.
     pub stop: watch::Receiver<bool>,

@@ -55,8 +55,8 @@ pub(super) fn checked(
     Ok(Some(size))
 }
 
-/// Whether the first individuals stand for all others: which controllers come next does not depend on what was found, and no
-/// embedder has to be taught.
+/// Whether the first individuals can stand for all others: the search proposes controllers independently of its results, and the
+/// campaign has no embedder.
 fn is_possible(method: Method, space: BehaviourSpace) -> bool {
     matches!(method, Method::Random | Method::Exhaustive) && !space.embeds()
 }
