@@ -38,9 +38,10 @@ impl IntoStatus for StoreError {
             | StoreError::NoStudy(_)
             | StoreError::NoCheckpoint(_)
             | StoreError::NoIndividual { .. } => Status::not_found(message),
-            StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
-                Status::resource_exhausted(message)
-            }
+            StoreError::DiskFull { .. }
+            | StoreError::Unwritable { .. }
+            | StoreError::ReadOnly { .. }
+            | StoreError::Locked { .. } => Status::resource_exhausted(message),
             StoreError::OtherRequest { .. } => Status::already_exists(message),
             StoreError::Interrupted(_) => Status::unavailable(message),
             StoreError::Damaged { .. } => Status::data_loss(message),

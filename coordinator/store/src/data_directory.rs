@@ -18,7 +18,13 @@ pub fn remove_new(data: &Path) {
     ] {
         let _ = fs::remove_file(data.join(name));
     }
-    for name in [DataDirectory::LOCK, "local-token", "sessions.json"] {
+    for name in [
+        DataDirectory::LOCK,
+        "local-token",
+        "sessions.json",
+        "access.json",
+        "self-signed.pem",
+    ] {
         let _ = fs::remove_file(data.join(name));
     }
     let _ = fs::remove_dir_all(data.join(super::checkpoints::BlobStore::FOLDER));
@@ -67,13 +73,20 @@ impl DataDirectory {
         if super::find_database(&path.join(super::Store::FILE)).is_ok_and(|found| !found) {
             expect_ours(&lock_path).map_err(failed("use the lock file", &lock_path))?;
         }
-        let lock = fs::File::options()
+        let opened = fs::File::options()
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
-            .open(&lock_path)
-            .map_err(failed("open the lock file", &lock_path))?;
+            .open(&lock_path);
+        let lock = match opened {
+            Ok(lock) => lock,
+            Err(error) => {
+                // The disk of a coordinator that runs may have become read-only.
+                Self::watch(path)?;
+                return Err(failed("open the lock file", &lock_path)(error));
+            }
+        };
         match lock.try_lock() {
             Ok(()) => {
                 let held = Self {

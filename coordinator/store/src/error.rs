@@ -114,6 +114,12 @@ pub enum StoreError {
         /// Message of SQLite or the system.
         reason: String,
     },
+    /// Another process writes to the database, and has not finished for two seconds.
+    #[error(
+        "another program has locked {path}: once it has finished, campaigns go on by themselves; the refused request changed \
+         nothing: repeat it"
+    )]
+    Locked { path: PathBuf },
     /// The file, its folder or its disk is read-only.
     #[error(
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
@@ -185,7 +191,7 @@ impl StoreError {
     pub const fn may_pass(&self) -> bool {
         matches!(
             self,
-            Self::DiskFull { .. } | Self::Unwritable { .. } | Self::ReadOnly { .. }
+            Self::DiskFull { .. } | Self::Unwritable { .. } | Self::ReadOnly { .. } | Self::Locked { .. }
         )
     }
 
@@ -227,6 +233,7 @@ impl StoreError {
             .map(|error| (error.code, error.extended_code));
         match code {
             Some((ErrorCode::DiskFull, _)) => Self::DiskFull { path },
+            Some((ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked, _)) => Self::Locked { path },
             Some((_, code)) if NOT_WRITTEN.contains(&code) => Self::Unwritable {
                 path,
                 reason: source.to_string(),

@@ -60,7 +60,7 @@ pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 use crate::files::is_there;
 use murmuration_model::RunId;
 use readers::Readers;
-use rusqlite::{Connection, Transaction};
+use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::{
     io,
     path::Path,
@@ -291,7 +291,8 @@ fn changed<T>(
     connection: &mut Connection,
     change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
 ) -> Result<T, StoreError> {
-    let transaction = connection.transaction()?;
+    // A transaction that reads first and writes later would fail at once if another process writes meanwhile.
+    let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     let value = change(&transaction)?;
     transaction.commit()?;
     Ok(value)

@@ -56,7 +56,7 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
     connection
         .execute_batch(
             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
-             PRAGMA busy_timeout = 5000;",
+             PRAGMA busy_timeout = 2000;",
         )
         .and_then(|()| connection.pragma_update(None, "journal_size_limit", LONG_LOG.cast_signed()))
         .map_err(named)?;

@@ -341,6 +341,36 @@ fn a_new_database_takes_the_place_of_no_other() {
 }
 
 #[test]
+fn another_program_that_locks_the_database_is_awaited_and_then_named() {
+    let (folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    let path = folder.path().join(Store::FILE);
+    let other = Connection::open(&path).unwrap();
+    let (stop, stopped) = std::sync::mpsc::channel::<()>();
+    // A replication tool empties the log again and again.
+    let replication = std::thread::spawn(move || {
+        while stopped.recv_timeout(std::time::Duration::from_millis(1)).is_err() {
+            let emptied = other.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+            assert!(emptied.is_ok() || emptied.is_err_and(|error| error.to_string().contains("locked")));
+        }
+        other
+    });
+    for generation in 0..100 {
+        commit(&store, &id, generation).unwrap();
+    }
+    stop.send(()).unwrap();
+    let other = replication.join().unwrap();
+    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let error = commit(&store, &id, 100).unwrap_err();
+    assert!(
+        matches!(error, StoreError::Locked { .. }) && error.may_pass(),
+        "{error}"
+    );
+    other.execute_batch("COMMIT").unwrap();
+    commit(&store, &id, 100).unwrap();
+}
+
+#[test]
 fn a_full_disk_is_called_that_and_loses_nothing() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();

@@ -5,8 +5,9 @@
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_swarm::grouped;
 use std::{
-    fs::File,
+    fs::{self, File},
     io::{self, Read},
+    os::unix::fs::MetadataExt as _,
     path::Path,
 };
 
@@ -36,6 +37,10 @@ pub enum InputKind {
     /// Digests of tokens, with their holders (TOML).
     Tokens,
     Token,
+    /// Access file of a coordinator (JSON).
+    Access,
+    /// The sessions of a coordinator (JSON).
+    Sessions,
     /// Certificate or private key (PEM).
     Pem,
 }
@@ -46,8 +51,9 @@ impl InputKind {
     pub const fn max_bytes(self) -> u64 {
         match self {
             Self::Token => 4 << 10,
+            Self::Access => 64 << 10,
             Self::Campaign | Self::Study | Self::Tokens | Self::Pem => 1 << 20,
-            Self::Controllers | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
+            Self::Controllers | Self::Sessions | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
             Self::Checkpoint => MAX_MODEL_BYTES as u64,
             Self::Labels | Self::Starts | Self::Tracks => 256 << 20,
         }
@@ -67,6 +73,8 @@ impl InputKind {
             Self::Manifest => "the manifest of a backup",
             Self::Tokens => "a tokens file",
             Self::Token => "a token's file",
+            Self::Access => "an access file",
+            Self::Sessions => "a file of sessions",
             Self::Pem => "a PEM file",
         }
     }
@@ -76,6 +84,36 @@ impl InputKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it is too long: {} has at most {} bytes", .0.noun(), grouped(.0.max_bytes()))]
 pub struct TooLong(pub InputKind);
+
+/// Checks that `path` is a regular file, or a link to one: opening a pipe would wait for ever, and a device may never end.
+///
+/// # Errors
+/// The system's error, or an error that says what is wrong.
+pub fn expect_regular(path: &Path) -> io::Result<()> {
+    match fs::metadata(path)?.is_file() {
+        true => Ok(()),
+        false => Err(io::Error::other("it is not a regular file: remove it")),
+    }
+}
+
+/// Checks that `path` is a regular file with this one name: a file in somebody else's folder could also be a link to another
+/// file.
+///
+/// # Errors
+/// The system's error, or an error that says what is wrong.
+pub fn expect_own_file(path: &Path) -> io::Result<()> {
+    let about = fs::symlink_metadata(path)?;
+    if about.is_symlink() {
+        return Err(io::Error::other("it is a link to another place: remove it"));
+    }
+    expect_regular(path)?;
+    match about.nlink() > 1 {
+        true => Err(io::Error::other(
+            "it is a hard link, so it is another file too: remove it",
+        )),
+        false => Ok(()),
+    }
+}
 
 /// The bytes of the file at `path`.
 ///

@@ -65,6 +65,28 @@ impl NewFile {
     /// # Errors
     /// The system's error, or an error if `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
+        // The default mode of temporary files, 0600, is too strict for the final file.
+        Self::with_mode(path, 0o666)
+    }
+
+    /// Begins to write a file that only this process's user may read, whatever the owner and the permissions of the file that it
+    /// replaces.
+    ///
+    /// # Errors
+    /// The errors of [`NewFile::create`], and an error if `path` is a device or a pipe, which has permissions of its own.
+    pub fn create_secret(path: &Path) -> io::Result<Self> {
+        let mut created = Self::with_mode(path, 0o600)?;
+        match &mut created.0 {
+            Place::Beside { former, .. } => {
+                // The former file may be somebody else's.
+                *former = None;
+                Ok(created)
+            }
+            Place::Itself { .. } => Err(io::Error::other("it is not a regular file")),
+        }
+    }
+
+    fn with_mode(path: &Path, mode: u32) -> io::Result<Self> {
         let target = without_links(path)?;
         let former = match fs::symlink_metadata(&target) {
             Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
@@ -84,9 +106,8 @@ impl NewFile {
         }
         let folder = folder_of(&target);
         fs::create_dir_all(folder)?;
-        // The default mode of temporary files, 0600, is too strict for the final file.
         let file = tempfile::Builder::new()
-            .permissions(Permissions::from_mode(0o666))
+            .permissions(Permissions::from_mode(mode))
             .tempfile_in(folder)?;
         Ok(Self(Place::Beside {
             file: BufWriter::new(file),
