@@ -2,6 +2,7 @@
 //!
 //! [`keep`] keeps a process connected. A [`Peer`] uses one connection, a [`Link`]. The crate does not depend on the kind of work.
 
+mod access_file;
 mod allocation;
 mod attempts;
 mod backoff;
@@ -16,7 +17,8 @@ mod stop;
 mod telemetry;
 mod token;
 
-pub use allocation::{cores, machine_name, process_name};
+pub use access_file::{AccessFile, AccessFileError, Fingerprint, is_loopback};
+pub use allocation::{Rank, cores, host_name, machine_name, process_name, rank};
 pub use attempts::{attempts, for_lease, may_pass, may_pass_elsewhere};
 pub use checkpoints::fetch_checkpoint;
 pub use credentials::{

@@ -6,7 +6,7 @@ use base64::{Engine as _, engine::general_purpose::URL_SAFE_NO_PAD};
 use std::{fmt, str::FromStr};
 
 /// Prefix of every token, which lets scanners for leaked secrets recognise it.
-const PREFIX: &str = "mur_";
+pub(crate) const PREFIX: &str = "mur_";
 /// Number of random bytes in a token.
 const BYTES: usize = 32;
 
