@@ -48,8 +48,7 @@ impl LocalCluster {
         let (stop, stopped) = watch::channel(false);
         let work = |number| {
             let options = worker::Options {
-                coordinator: way.url.clone(),
-                credentials: way.credentials.clone(),
+                coordinator: way.target(),
                 name: format!("in-process-{number}"),
                 local_address: None,
                 health: Health::new(),
@@ -61,8 +60,7 @@ impl LocalCluster {
         };
         let train = |number| {
             let options = trainer::Options {
-                coordinator: way.url.clone(),
-                credentials: way.credentials.clone(),
+                coordinator: way.target(),
                 name: format!("in-process-{number}"),
                 local_address: None,
                 health: Health::new(),

@@ -11,9 +11,7 @@ mod training_run;
 
 use event::{Event, Undone};
 use job::Running;
-use murmuration_link::{
-    Address, Broken, Coordinator, Credentials, Health, Leaving, Link, Peer, Role, keep, stopped,
-};
+use murmuration_link::{Address, Broken, Calls, Health, Leaving, Link, Peer, Role, Target, keep, stopped};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
@@ -27,10 +25,8 @@ pub use murmuration_link::LinkError as TrainerError;
 /// The settings of a trainer.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
-    pub coordinator: String,
-    /// Credentials for the coordinator, and the certificate authority that the trainer trusts.
-    pub credentials: Credentials,
+    /// The coordinator, and credentials for it.
+    pub coordinator: Target,
     /// Name of the trainer, shown to people.
     pub name: String,
     /// Local address that the trainer connects from; `None` lets the system choose an address.
@@ -55,23 +51,18 @@ pub fn run(options: Options, stop: watch::Receiver<bool>) -> Training {
 }
 
 async fn train(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
-    let address = Address::new(
-        &options.coordinator,
-        &options.credentials,
-        Role::Trainer,
-        &options.name,
-    )?
-    .connecting_from(options.local_address)
-    .leaving(options.leaving.clone());
+    let address = Address::new(options.coordinator, Role::Trainer, &options.name)?
+        .connecting_from(options.local_address)
+        .leaving(options.leaving.clone());
     let mut trainer = Trainer {
-        coordinator: address.channel(),
+        calls: address.calls(),
         turn: Arc::default(),
     };
     keep(&address, &options.health, &mut trainer, stop).await
 }
 
 struct Trainer {
-    coordinator: Coordinator,
+    calls: Calls,
     /// Lock of the training that computes. An abandoned training computes until its epoch is over, and the next training waits
     /// for the lock.
     turn: Arc<Mutex<()>>,
@@ -143,8 +134,8 @@ impl Trainer {
         match Task::try_from(lease) {
             Ok(task) => {
                 tracing::info!(campaign = task.campaign, lease = %id, "training");
-                let (coordinator, turn) = (self.coordinator.clone(), self.turn.clone());
-                Ok(Some(Running::start(id, task, coordinator, turn, stop.clone())))
+                let (calls, turn) = (self.calls.clone(), self.turn.clone());
+                Ok(Some(Running::start(id, task, calls, turn, stop.clone())))
             }
             Err(undone) => {
                 answer(link, Some(id), undone.into()).await?;

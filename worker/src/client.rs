@@ -13,7 +13,7 @@ use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
 use murmuration_embed::Runtime;
 use murmuration_link::{
-    Address, Broken, Credentials, Health, Leaving, Link, LinkError, Peer, Role, keep, stopped,
+    Address, Broken, Health, Leaving, Link, LinkError, Peer, Role, Target, keep, stopped,
 };
 use murmuration_proto::v1::{self, coordinator_message, worker_message};
 use murmuration_swarm::EmbeddingKind;
@@ -24,10 +24,8 @@ use tokio::sync::watch;
 /// The settings of a worker.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
-    pub coordinator: String,
-    /// Credentials for the coordinator, and the authority to trust.
-    pub credentials: Credentials,
+    /// The coordinator, and credentials for it.
+    pub coordinator: Target,
     /// Display name.
     pub name: String,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
@@ -74,14 +72,13 @@ async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), Worke
         }
     };
     let address = Address::new(
-        &options.coordinator,
-        &options.credentials,
+        options.coordinator,
         Role::Worker { capacity, kind },
         &options.name,
     )?
     .connecting_from(options.local_address)
     .leaving(options.leaving.clone());
-    let checkpoints = Checkpoints::new(address.channel(), options.cache);
+    let checkpoints = Checkpoints::new(address.calls(), options.cache);
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,
     };

@@ -48,7 +48,6 @@ async fn main() -> ExitCode {
         async |post: Post| {
             let options = Options {
                 coordinator: post.coordinator,
-                credentials: post.credentials,
                 name: arguments.name.unwrap_or_else(|| process_name("worker")),
                 local_address: post.local_address,
                 health: post.health,

@@ -6,7 +6,7 @@ use murmuration_access::{
     connections::{ConnectionPermits, connections},
     limits,
 };
-use murmuration_link::Credentials;
+use murmuration_link::{Credentials, Target};
 use murmuration_web as web;
 use std::{
     net::{Ipv4Addr, SocketAddr},
@@ -26,6 +26,17 @@ pub struct LocalWay {
     pub url: String,
     /// Credentials for this URL.
     pub credentials: Credentials,
+}
+
+impl LocalWay {
+    /// The coordinator, for a worker or trainer of this machine.
+    #[must_use]
+    pub fn target(&self) -> Target {
+        Target::Url {
+            url: self.url.clone(),
+            credentials: self.credentials.clone(),
+        }
+    }
 }
 
 /// Pages and services that every endpoint serves.

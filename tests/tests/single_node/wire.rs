@@ -1,6 +1,6 @@
 //! Tests bad messages from strangers: the coordinator refuses each such message with an error, and loses no work.
 
-use murmuration_link::{Credentials, Health, READY};
+use murmuration_link::{Health, READY, Target};
 use murmuration_proto::{
     PROTOCOL_VERSION, SIMULATOR_VERSION,
     v1::{self, coordinator_message::Message as Answer, worker_message::Message},
@@ -28,8 +28,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
     let campaign = cluster.create(&spec).await;
     disturb(cluster.url()).await;
     let options = murmuration_worker::client::Options {
-        coordinator: cluster.url(),
-        credentials: Credentials::default(),
+        coordinator: Target::open(&cluster.url()),
         name: "honest".to_owned(),
         local_address: None,
         health: Health::new(),

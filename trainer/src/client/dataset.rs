@@ -5,7 +5,7 @@ use super::{
     event::Undone,
     task::{FineTuningTask, Task},
 };
-use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
+use murmuration_link::{Calls, Coordinator, attempts, fetch_checkpoint, for_lease};
 use murmuration_proto::v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part};
 use murmuration_swarm::CheckpointDigest;
 use murmuration_train::{
@@ -37,8 +37,8 @@ struct Parts {
 }
 
 /// Fetches the inputs of `task`.
-pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<TrainingInputs, Undone> {
-    let mut parts = attempts(|| receive(task, coordinator.clone()))
+pub(super) async fn fetch(task: &Task, calls: &Calls) -> Result<TrainingInputs, Undone> {
+    let mut parts = attempts(|| receive(task, calls.coordinator()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
     let pictures = Pictures::new(task.pictures, task.views, std::mem::take(&mut parts.pictures))
@@ -53,7 +53,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
         None => None,
         Some(fine_tuning) => Some(FineTuning {
             labelled: labelled(task, fine_tuning, &mut parts)?,
-            parent: parent(task, fine_tuning, coordinator).await?,
+            parent: parent(task, fine_tuning, calls).await?,
         }),
     };
     Ok(TrainingInputs {
@@ -81,9 +81,9 @@ fn labelled(
 async fn parent(
     task: &Task,
     fine_tuning: &FineTuningTask,
-    coordinator: &Coordinator,
+    calls: &Calls,
 ) -> Result<murmuration_train::network::Network, Undone> {
-    let fetched = fetch_checkpoint(coordinator, fine_tuning.parent, task.lease).await;
+    let fetched = fetch_checkpoint(calls, fine_tuning.parent, task.lease).await;
     let bytes = fetched.map_err(|status| Undone::call("the checkpoint to train further", &status))?;
     if CheckpointDigest::of(&bytes) != fine_tuning.parent {
         return Err(Undone::retryable(
@@ -97,7 +97,7 @@ async fn parent(
     onnx::import(&bytes, architecture).map_err(Undone::fatal)
 }
 
-async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status> {
+async fn receive(task: &Task, coordinator: Result<Coordinator, Status>) -> Result<Parts, Status> {
     let request = v1::FetchTrainingRequest {
         lease: Some(task.lease),
     };
@@ -106,7 +106,7 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
         .as_ref()
         .map_or(0, |fine_tuning| fine_tuning.bytes);
     let features = task.features();
-    let mut messages = TrainerServiceClient::new(coordinator)
+    let mut messages = TrainerServiceClient::new(coordinator?)
         .fetch_training(for_lease(request, task.lease))
         .await?
         .into_inner();

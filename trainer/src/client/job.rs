@@ -7,7 +7,7 @@ use super::{
     training_run::TrainingRun,
 };
 use murmuration_embed::Runtime;
-use murmuration_link::{Coordinator, attempts, follow, for_lease, stopped};
+use murmuration_link::{Calls, attempts, follow, for_lease, stopped};
 use murmuration_proto::v1::{
     self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient,
 };
@@ -34,7 +34,7 @@ impl Running {
     pub(super) fn start(
         lease: v1::LeaseId,
         task: Task,
-        coordinator: Coordinator,
+        calls: Calls,
         turn: Arc<Mutex<()>>,
         stop: watch::Receiver<bool>,
     ) -> Self {
@@ -43,7 +43,7 @@ impl Running {
         let span = tracing::info_span!("lease", id = %lease, campaign = task.campaign);
         follow(&span, &task.trace_parent);
         let training = async move {
-            let outcome = match train(task, coordinator, turn, stop, sender.clone()).await {
+            let outcome = match train(task, calls, turn, stop, sender.clone()).await {
                 Ok(digest) => Outcome::Checkpoint(digest.to_string()),
                 Err(undone) => undone.into(),
             };
@@ -66,7 +66,7 @@ impl Running {
 
 async fn train(
     task: Task,
-    coordinator: Coordinator,
+    calls: Calls,
     turn: Arc<Mutex<()>>,
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,
@@ -76,7 +76,7 @@ async fn train(
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::retryable)?;
     let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {
-        fetched = dataset::fetch(&task, &coordinator) => fetched?,
+        fetched = dataset::fetch(&task, &calls) => fetched?,
         () = stopped(&mut stop) => return Err(Undone::retryable("the trainer is leaving")),
     };
     let course = TrainingRun {
@@ -95,9 +95,13 @@ async fn train(
     });
     let publication = publication.await??;
     attempts(|| {
-        let mut client = CheckpointServiceClient::new(coordinator.clone());
         let requests = for_lease(tokio_stream::iter(publication.requests()), lease);
-        async move { client.publish_checkpoint(requests).await }
+        let coordinator = calls.coordinator();
+        async move {
+            CheckpointServiceClient::new(coordinator?)
+                .publish_checkpoint(requests)
+                .await
+        }
     })
     .await
     .map_err(|status| Undone::call("the checkpoint cannot be published", &status))?;

@@ -1,6 +1,6 @@
 //! A fake coordinator for trainers. Tests control every message.
 
-use murmuration_link::{Credentials, Health};
+use murmuration_link::{Health, Target};
 use murmuration_proto::{
     PART_BYTES,
     v1::{
@@ -79,8 +79,7 @@ impl Fake {
         tokio::spawn(server);
         let (stop, stopped) = watch::channel(false);
         let options = Options {
-            coordinator,
-            credentials: Credentials::default(),
+            coordinator: Target::open(&coordinator),
             name: "trainer".to_owned(),
             local_address: None,
             health: Health::new(),

@@ -1,6 +1,6 @@
 //! Fetches checkpoints from the coordinator.
 
-use crate::{Coordinator, attempts, for_lease};
+use crate::{Calls, Coordinator, attempts, for_lease};
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_proto::v1::{self, checkpoint_service_client::CheckpointServiceClient};
 use murmuration_swarm::CheckpointDigest;
@@ -12,22 +12,22 @@ use tonic::Status;
 /// # Errors
 /// Fails if the coordinator has no checkpoint with this digest, or is unavailable for too long.
 pub async fn fetch_checkpoint(
-    coordinator: &Coordinator,
+    calls: &Calls,
     digest: CheckpointDigest,
     lease: v1::LeaseId,
 ) -> Result<Vec<u8>, Status> {
-    attempts(|| receive(CheckpointServiceClient::new(coordinator.clone()), digest, lease)).await
+    attempts(|| receive(calls.coordinator(), digest, lease)).await
 }
 
 async fn receive(
-    mut client: CheckpointServiceClient<Coordinator>,
+    coordinator: Result<Coordinator, Status>,
     digest: CheckpointDigest,
     lease: v1::LeaseId,
 ) -> Result<Vec<u8>, Status> {
     let request = v1::FetchCheckpointRequest {
         digest: digest.to_string(),
     };
-    let mut chunks = client
+    let mut chunks = CheckpointServiceClient::new(coordinator?)
         .fetch_checkpoint(for_lease(request, lease))
         .await?
         .into_inner();

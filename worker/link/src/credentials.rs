@@ -1,11 +1,12 @@
 //! The certificates and the token by which a process and a coordinator trust each other, read from files.
 
-use crate::{Token, TokenError};
+use crate::{AccessFile, AccessFileError, Fingerprint, Token, TokenError, pinned::PinnedCertificate};
 use murmuration_files::{InputKind, read_text};
 use murmuration_swarm::text::masked_url;
 use std::{
     env, io,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 use tonic::{
     Request, Status,
@@ -20,9 +21,13 @@ const TOKEN: &str = "MURMURATION_TOKEN";
 /// A connection to a coordinator. If the process has a token, the connection sends it with every request.
 pub type Coordinator = InterceptedService<Channel, Bearer>;
 
-/// Files of trust and identity, for every client of a coordinator.
+/// Files by which a client of a coordinator finds, trusts and convinces it.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct TrustFiles {
+    /// Access file of the coordinator: `serve` writes it, and other programs find the coordinator by it [default: access.json in
+    /// the data directory]
+    #[arg(long, global = true, env = "MURMURATION_ACCESS", value_name = "FILE")]
+    pub access: Option<PathBuf>,
     /// Certificate of the authority that signed the coordinator's certificate, for an https:// coordinator
     #[arg(long, global = true, env = "MURMURATION_CA", value_name = "FILE")]
     pub ca: Option<PathBuf>,
@@ -49,6 +54,8 @@ pub struct Credentials {
     ca: Option<Certificate>,
     identity: Option<Secret<Identity>>,
     token: Option<Token>,
+    /// Fingerprint of the only certificate that the coordinator may show. With a fingerprint, no authority is needed.
+    pinned: Option<Fingerprint>,
 }
 
 /// Why credentials cannot be used, or do not fit the coordinator's URL.
@@ -67,6 +74,14 @@ pub enum CredentialsError {
     /// A file does not hold a token.
     #[error("{}: {error}", path.display())]
     TokenFile { path: PathBuf, error: TokenError },
+    /// Both ways to name a coordinator are given.
+    #[error(
+        "--coordinator and --access both name a coordinator: give one of them (MURMURATION_COORDINATOR and MURMURATION_ACCESS count too)"
+    )]
+    TwoCoordinators,
+    /// The access file cannot be used.
+    #[error(transparent)]
+    AccessFile(#[from] AccessFileError),
     /// The environment variable does not hold a token.
     #[error("{TOKEN}: {0}")]
     TokenVariable(TokenError),
@@ -74,8 +89,8 @@ pub enum CredentialsError {
     Url(String),
     /// No authority is given for the coordinator's certificate.
     #[error(
-        "{0} is encrypted: name the certificate of the authority that signed the coordinator's certificate, with --ca FILE \
-         or in MURMURATION_CA"
+        "{0} is encrypted: name the coordinator's access file with --access FILE instead of its URL, or the certificate of \
+         the authority that signed the coordinator's certificate with --ca FILE"
     )]
     NoAuthority(String),
     /// A certificate is given for an unencrypted connection, which would not use it.
@@ -124,7 +139,33 @@ impl Credentials {
                 Some(path) => Some(read_token(path)?),
                 None => token_of_environment()?,
             },
+            pinned: None,
         })
+    }
+
+    /// Reads the files that add to an access file. A token in the environment is for coordinators that the user names by their URL.
+    ///
+    /// # Errors
+    /// The errors of [`Credentials::read`].
+    pub fn beside_access_file(
+        trust: &TrustFiles,
+        identity: &IdentityFiles,
+    ) -> Result<Self, CredentialsError> {
+        let mut read = Self::read(trust, identity)?;
+        if trust.token_file.is_none() {
+            read.token = None;
+        }
+        Ok(read)
+    }
+
+    /// These credentials, completed by the token and the certificate of an access file.
+    #[must_use]
+    pub fn with(mut self, access: AccessFile) -> Self {
+        self.token = self.token.or(access.token);
+        if self.ca.is_none() {
+            self.pinned = access.fingerprint;
+        }
+        self
     }
 
     /// Credentials that consist of a token only, for processes on the coordinator's own machine.
@@ -148,19 +189,21 @@ impl Credentials {
             Some("http") if self.identity.is_some() => Err(CredentialsError::Plain(shown())),
             Some("http") => Ok(endpoint),
             Some("https") => {
-                let ca = self.ca.clone();
-                let ca = ca.ok_or_else(|| CredentialsError::NoAuthority(shown()))?;
-                let tls = ClientTlsConfig::new().ca_certificate(ca);
                 let tls = match &self.identity {
-                    Some(Secret(identity)) => tls.identity(identity.clone()),
-                    None => tls,
+                    Some(Secret(identity)) => ClientTlsConfig::new().identity(identity.clone()),
+                    None => ClientTlsConfig::new(),
                 };
-                endpoint
-                    .tls_config(tls)
-                    .map_err(|error| CredentialsError::Unusable {
-                        url: shown(),
-                        reason: root_cause(&error),
-                    })
+                let configured = match (self.pinned, &self.ca) {
+                    (Some(pinned), _) => {
+                        endpoint.tls_config_with_verifier(tls, Arc::new(PinnedCertificate::new(pinned)))
+                    }
+                    (None, Some(ca)) => endpoint.tls_config(tls.ca_certificate(ca.clone())),
+                    (None, None) => return Err(CredentialsError::NoAuthority(shown())),
+                };
+                configured.map_err(|error| CredentialsError::Unusable {
+                    url: shown(),
+                    reason: root_cause(&error),
+                })
             }
             _ => Err(no_url()),
         }

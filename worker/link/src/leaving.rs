@@ -125,6 +125,17 @@ pub struct Leaving {
     pub(crate) activity: Activity,
 }
 
+impl Leaving {
+    /// For a process that leaves only after the loss of its coordinator.
+    #[must_use]
+    pub fn when_lost(on_lost: OnLost) -> Self {
+        Self {
+            on_lost,
+            ..Self::default()
+        }
+    }
+}
+
 /// The leases in the hands of a process.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Activity(Arc<Mutex<Work>>);

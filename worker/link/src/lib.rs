@@ -12,8 +12,10 @@ mod health;
 mod leaving;
 mod link;
 mod output;
+mod pinned;
 mod process;
 mod stop;
+mod target;
 mod telemetry;
 mod token;
 
@@ -31,12 +33,13 @@ pub use link::{Broken, Link};
 pub use output::{OutputError, parse_arguments, print, say};
 pub use process::{PeerArguments, Post, run_peer};
 pub use stop::{stopped, termination};
+pub use target::{Target, access_file_of};
 pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
 use murmuration_proto::{PROTOCOL_VERSION, SIMULATOR_VERSION, TRAINER_VERSION, v1};
-use murmuration_swarm::{EmbeddingKind, Text, text::masked_url};
+use murmuration_swarm::{EmbeddingKind, Text};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},
@@ -45,7 +48,7 @@ use std::{
     time::{Duration, Instant},
 };
 use tokio::sync::watch;
-use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
+use tonic::{Code, Status, service::interceptor::InterceptedService, transport::Endpoint};
 
 /// The kind of process that connects. The kind determines the gRPC service and the contents of the Hello message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,47 +125,66 @@ pub enum LinkError {
     },
 }
 
-/// A coordinator's address, and the identity to connect with.
+/// A coordinator, and the identity to connect with.
 #[derive(Debug, Clone)]
 pub struct Address {
-    endpoint: Endpoint,
-    bearer: Bearer,
+    target: Target,
     role: Role,
     name: String,
     /// Number that identifies the process across connections; never 0.
     instance: u64,
+    local_address: Option<IpAddr>,
     leaving: Leaving,
+    calls: watch::Sender<Option<Coordinator>>,
+}
+
+/// The connection of a process to its coordinator for other calls than its stream; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Calls(watch::Receiver<Option<Coordinator>>);
+
+impl Calls {
+    /// The coordinator that the process found last. The connection is made at its first use, and again whenever it breaks.
+    ///
+    /// # Errors
+    /// `UNAVAILABLE` if the process has not found its coordinator yet.
+    pub fn coordinator(&self) -> Result<Coordinator, Status> {
+        let found = self.0.borrow().clone();
+        found.ok_or_else(|| Status::unavailable("the coordinator has not been found yet"))
+    }
 }
 
 impl Address {
-    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a peer with these credentials and this display
-    /// name (at most 128 bytes).
+    /// The coordinator `target`, for a peer with this display name (at most 128 bytes). The coordinator's access file may not
+    /// exist yet.
     ///
     /// # Errors
-    /// Fails if `url` is not valid, or the credentials do not fit it.
-    pub fn new(url: &str, credentials: &Credentials, role: Role, name: &str) -> Result<Self, LinkError> {
-        let endpoint = credentials
-            .endpoint(url)?
-            .connect_timeout(Duration::from_secs(5))
-            .tcp_nodelay(true)
-            .http2_keep_alive_interval(Duration::from_secs(2))
-            .keep_alive_timeout(Duration::from_secs(3))
-            .keep_alive_while_idle(true);
-        Ok(Self {
-            endpoint,
-            bearer: credentials.bearer(),
+    /// Fails if the URL is not valid, if the credentials do not fit the URL, or if the access file is another file.
+    pub fn new(target: Target, role: Role, name: &str) -> Result<Self, LinkError> {
+        let address = Self {
+            target,
             role,
             name: name.to_owned(),
             // `RandomState` has random keys, so two processes get different numbers.
             instance: RandomState::new().build_hasher().finish() | 1,
+            local_address: None,
             leaving: Leaving::default(),
-        })
+            calls: watch::Sender::new(None),
+        };
+        match address.find() {
+            Err(CredentialsError::AccessFile(error))
+                if error.is_missing() || matches!(error, AccessFileError::Ended(_)) =>
+            {
+                Ok(address)
+            }
+            Err(error) => Err(error.into()),
+            Ok(_) => Ok(address),
+        }
     }
 
     /// Connects from this local `address`, for a machine with several addresses.
     #[must_use]
     pub fn connecting_from(mut self, address: Option<IpAddr>) -> Self {
-        self.endpoint = self.endpoint.local_address(address);
+        self.local_address = address;
         self
     }
 
@@ -173,10 +195,36 @@ impl Address {
         self
     }
 
-    /// A separate connection for other calls. The connection is made at its first use, and again whenever it breaks.
+    /// A separate connection for other calls than the stream.
     #[must_use]
-    pub fn channel(&self) -> Coordinator {
-        InterceptedService::new(self.endpoint.connect_lazy(), self.bearer.clone())
+    pub fn calls(&self) -> Calls {
+        if let Ok((endpoint, bearer)) = self.find() {
+            self.direct_calls(&endpoint, bearer);
+        }
+        Calls(self.calls.subscribe())
+    }
+
+    /// Directs the [`Calls`] to a coordinator.
+    fn direct_calls(&self, endpoint: &Endpoint, bearer: Bearer) {
+        let is_known = self.calls.borrow().is_some() && !self.target.may_change();
+        if !is_known {
+            let calls = InterceptedService::new(endpoint.connect_lazy(), bearer);
+            self.calls.send_replace(Some(calls));
+        }
+    }
+
+    /// The coordinator as it can be reached now.
+    fn find(&self) -> Result<(Endpoint, Bearer), CredentialsError> {
+        let (url, credentials) = self.target.look_up()?;
+        let endpoint = credentials
+            .endpoint(&url)?
+            .connect_timeout(Duration::from_secs(5))
+            .tcp_nodelay(true)
+            .http2_keep_alive_interval(Duration::from_secs(2))
+            .keep_alive_timeout(Duration::from_secs(3))
+            .keep_alive_while_idle(true)
+            .local_address(self.local_address);
+        Ok((endpoint, credentials.bearer()))
     }
 }
 
@@ -191,6 +239,9 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
+/// A connection that lasts this long is not one of a series of failures.
+const LASTING: Duration = Duration::from_secs(10);
+
 /// Keeps `peer` connected until `stop` becomes true and the peer has left, or until the coordinator has been lost for as long as
 /// [`OnLost`] says. Reports to `health` whether the peer is connected.
 ///
@@ -204,7 +255,7 @@ pub async fn keep(
 ) -> Result<(), LinkError> {
     let mut pause = Backoff::new();
     let mut lost = Lost::new(address.leaving.on_lost);
-    let coordinator = masked_url(&address.endpoint.uri().to_string());
+    let coordinator = address.target.to_string();
     loop {
         let connected = tokio::select! {
             connected = Link::connect(address) => connected,
@@ -212,13 +263,17 @@ pub async fn keep(
         };
         let ended = match connected {
             Ok(link) => {
-                pause.reset();
+                let connected = Instant::now();
                 tracing::info!(name = address.name, coordinator, "connected");
                 health.ready(true).await;
                 let ended = peer.session(link, stop.clone()).await;
                 // A worker goes on with its leases, and sends the results over its next connection.
                 if matches!(address.role, Role::Trainer) {
                     address.leaving.activity.dropped_all();
+                }
+                // A coordinator that ends each connection at once gets longer pauses too.
+                if connected.elapsed() >= LASTING {
+                    pause.reset();
                 }
                 lost.was_connected();
                 health.ready(false).await;
@@ -228,7 +283,16 @@ pub async fn keep(
         };
         let error = match ended {
             Ok(()) => return Ok(()),
-            Err(Broken::Refused(status)) => {
+            Err(Broken::NotFound(CredentialsError::AccessFile(AccessFileError::Ended(_)))) => {
+                tracing::info!(
+                    name = address.name,
+                    coordinator,
+                    "the coordinator has ended, leaving"
+                );
+                return Ok(());
+            }
+            // The access file may name another token soon.
+            Err(Broken::Refused(status)) if !(address.target.may_change() && is_unknown(&status)) => {
                 return Err(LinkError::Refused {
                     who: address.role.noun(),
                     reason: Text::line(status.message()).into(),
@@ -253,6 +317,11 @@ pub async fn keep(
             () = stopped(&mut stop) => return Ok(()),
         }
     }
+}
+
+/// Whether the coordinator does not know the credentials of this process.
+fn is_unknown(status: &Status) -> bool {
+    status.code() == Code::Unauthenticated
 }
 
 /// The time since a process lost its last connection, or since its start.

@@ -1,6 +1,6 @@
 //! One connection, from the Hello message to the end of the stream.
 
-use crate::{Address, Role, leaving::Activity, root_cause};
+use crate::{Address, CredentialsError, Role, leaving::Activity, root_cause};
 use murmuration_proto::v1::{
     self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
     worker_service_client::WorkerServiceClient,
@@ -33,6 +33,9 @@ pub struct Link {
 /// Why a connection ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum Broken {
+    /// The access file of the coordinator cannot be used now.
+    #[error(transparent)]
+    NotFound(#[from] CredentialsError),
     /// The connection could not be made.
     #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),
@@ -49,7 +52,9 @@ pub enum Broken {
 impl Link {
     /// Connects, sends a Hello message, and waits for the Welcome message.
     pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
-        let channel = InterceptedService::new(address.endpoint.connect().await?, address.bearer.clone());
+        let (endpoint, bearer) = address.find()?;
+        address.direct_calls(&endpoint, bearer.clone());
+        let channel = InterceptedService::new(endpoint.connect().await?, bearer);
         let (outbox, messages) = mpsc::channel(OUTBOX);
         let hello = worker_message::Message::Hello(address.role.hello(&address.name, address.instance));
         send(&outbox, hello).await?;

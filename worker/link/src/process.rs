@@ -1,12 +1,13 @@
 //! Code that worker and trainer processes share, from command line to exit.
 
 use crate::{
-    Credentials, Health, IdentityFiles, Leaving, LinkError, TrustFiles, errln, leaving::LeavingArguments,
-    stop::termination, telemetry,
+    Credentials, CredentialsError, Health, IdentityFiles, Leaving, LinkError, Target, TrustFiles,
+    access_file_of, errln, leaving::LeavingArguments, stop::termination, telemetry,
 };
 use std::{
     fmt::Display,
     net::{IpAddr, SocketAddr},
+    path::PathBuf,
     process::ExitCode,
 };
 use tokio::sync::watch;
@@ -14,13 +15,17 @@ use tokio::sync::watch;
 /// Arguments of every worker and trainer.
 #[derive(Debug, clap::Args)]
 pub struct PeerArguments {
-    /// URL of the coordinator
+    /// URL of the coordinator, used instead of an access file
+    #[arg(long, env = "MURMURATION_COORDINATOR", value_name = "URL")]
+    coordinator: Option<String>,
+    /// Data directory of the coordinator, for its access file
     #[arg(
         long,
-        env = "MURMURATION_COORDINATOR",
-        default_value = "http://127.0.0.1:7700"
+        env = "MURMURATION_DATA",
+        default_value = "murmuration-data",
+        value_name = "DIR"
     )]
-    coordinator: String,
+    data: PathBuf,
     #[command(flatten)]
     trust: TrustFiles,
     #[command(flatten)]
@@ -38,8 +43,7 @@ pub struct PeerArguments {
 /// The parameters of a worker or trainer.
 #[derive(Debug)]
 pub struct Post {
-    pub coordinator: String,
-    pub credentials: Credentials,
+    pub coordinator: Target,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
     /// Health of the process, for other processes to query.
@@ -75,10 +79,21 @@ pub async fn run_peer<E: Display + From<LinkError>>(
 }
 
 impl PeerArguments {
+    fn target(&self) -> Result<Target, CredentialsError> {
+        let named = Target::named(self.coordinator.as_deref(), &self.trust, &self.identity)?;
+        match named {
+            Some(target) => Ok(target),
+            None => Ok(Target::AccessFile {
+                path: access_file_of(&self.data),
+                credentials: Credentials::beside_access_file(&self.trust, &self.identity)?,
+            }),
+        }
+    }
+
     async fn post(self, how: &'static str) -> Result<Post, LinkError> {
         // Wait for signals first, so that a signal during the start also leads to a clean exit.
         let terminated = termination();
-        let credentials = Credentials::read(&self.trust, &self.identity)?;
+        let coordinator = self.target()?;
         let health = Health::new();
         if let Some(listen) = self.health {
             health.serve(listen).await?;
@@ -100,8 +115,7 @@ impl PeerArguments {
             }
         });
         Ok(Post {
-            coordinator: self.coordinator,
-            credentials,
+            coordinator,
             local_address: self.local_address,
             health,
             leaving,

@@ -3,7 +3,7 @@
 use murmuration_embed::{
     Cache, CacheError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime, RuntimeError,
 };
-use murmuration_link::{Coordinator, fetch_checkpoint, may_pass_elsewhere};
+use murmuration_link::{Calls, fetch_checkpoint, may_pass_elsewhere};
 use murmuration_proto::v1;
 use murmuration_swarm::CheckpointDigest;
 use std::{
@@ -19,7 +19,7 @@ const MAX_CACHE_BYTES: u64 = 1 << 30;
 
 /// The source of checkpoints for all threads of a worker.
 pub(super) struct Checkpoints {
-    coordinator: Coordinator,
+    calls: Calls,
     /// The tokio runtime that fetches checkpoints while the threads wait.
     runtime: Handle,
     folder: PathBuf,
@@ -62,10 +62,10 @@ impl Unavailable {
 pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
-    /// Checkpoints from `coordinator`, cached in `folder`. Call this function on a tokio runtime.
-    pub(super) fn new(coordinator: Coordinator, folder: PathBuf) -> Self {
+    /// Checkpoints from the coordinator of these `calls`, cached in `folder`. Call this function on a tokio runtime.
+    pub(super) fn new(calls: Calls, folder: PathBuf) -> Self {
         Self {
-            coordinator,
+            calls,
             runtime: Handle::current(),
             folder,
             cache: Mutex::new(None),
@@ -87,10 +87,10 @@ impl Checkpoints {
     /// outside the tokio runtime.
     pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
-        let coordinator = self.coordinator.clone();
+        let calls = self.calls.clone();
         let fetching = async move {
             // The receiver exists, because the calling thread blocks on it.
-            let _ = reply.send(fetch_checkpoint(&coordinator, digest, lease).await);
+            let _ = reply.send(fetch_checkpoint(&calls, digest, lease).await);
         };
         self.runtime.spawn(fetching.in_current_span());
         answer

@@ -6,7 +6,7 @@ use super::{
     executor::Executor,
     lease::{Lease, Outcome, Work},
 };
-use murmuration_link::{Address, Credentials, Role};
+use murmuration_link::{Address, Role, Target};
 use murmuration_proto::v1::{
     self,
     checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
@@ -107,9 +107,9 @@ impl Worker {
             capacity: 1,
             kind: EmbeddingKind::UNKNOWN,
         };
-        let address = Address::new(&url, &Credentials::default(), role, "tested").unwrap();
+        let address = Address::new(Target::open(&url), role, "tested").unwrap();
         Self {
-            checkpoints: Arc::new(Checkpoints::new(address.channel(), cache.to_owned())),
+            checkpoints: Arc::new(Checkpoints::new(address.calls(), cache.to_owned())),
             asked,
             _folder: folder,
         }

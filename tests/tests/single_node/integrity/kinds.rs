@@ -3,7 +3,7 @@
 use crate::integrity::{Honest, LIAR, audited, connect, impossible, notices};
 use murmuration_dispatch::Options;
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_link::{Coordinator, Credentials, fetch_checkpoint};
+use murmuration_link::{Address, Role, Target, fetch_checkpoint};
 use murmuration_onnx::EmbedderModel;
 use murmuration_proto::v1;
 use murmuration_sim::{evaluate::Evaluator, simulate::Start};
@@ -14,14 +14,13 @@ use murmuration_swarm::{
 use murmuration_tests::{Cluster, small_latent_spec};
 use rand::RngExt as _;
 use std::time::Duration;
-use tonic::{Code, service::interceptor::InterceptedService};
+use tonic::Code;
 
 /// Evaluates a batch as a correct machine of another kind does: embeddings differ in the last bits.
 async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> v1::Evaluations {
     let digest: CheckpointDigest = batch.checkpoint.parse().unwrap();
-    let coordinator: Coordinator =
-        InterceptedService::new(cluster.channel().await, Credentials::default().bearer());
-    let bytes = fetch_checkpoint(&coordinator, digest, lease).await.unwrap();
+    let address = Address::new(Target::open(&cluster.url()), Role::Trainer, "tested").unwrap();
+    let bytes = fetch_checkpoint(&address.calls(), digest, lease).await.unwrap();
     let model = EmbedderModel::read(&bytes).unwrap();
     let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
     let world = World::try_from(batch.world.unwrap()).unwrap();

@@ -6,7 +6,7 @@ mod kinds;
 mod machines;
 
 use murmuration_dispatch::{Options, Share};
-use murmuration_link::Credentials;
+use murmuration_link::Target;
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, Purpose, RandomStream};
 use murmuration_tests::{Cluster, FakeWorker, Murmuration, quick_dispatch, small_latent_spec, small_spec};
@@ -86,8 +86,7 @@ impl Honest {
     /// Starts a worker on the machine 127.0.0.`machine`.
     fn join(cluster: &Cluster, cache: &Path, machine: u8) -> Self {
         let options = murmuration_worker::client::Options {
-            coordinator: cluster.url(),
-            credentials: Credentials::default(),
+            coordinator: Target::open(&cluster.url()),
             name: "honest".to_owned(),
             local_address: Some(Ipv4Addr::new(127, 0, 0, machine).into()),
             threads: NonZeroUsize::MIN,

@@ -1,7 +1,7 @@
 //! Tests the certificates of workers and trainers.
 
 use crate::security::{Secrets, people::channel};
-use murmuration_link::{Credentials, Health};
+use murmuration_link::{Credentials, Health, Target};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
 };
@@ -14,8 +14,10 @@ use tonic::Code;
 
 fn options(secrets: &Secrets, cluster: &Cluster, credentials: Credentials) -> worker::Options {
     worker::Options {
-        coordinator: cluster.url(),
-        credentials,
+        coordinator: Target::Url {
+            url: cluster.url(),
+            credentials,
+        },
         name: "tested".to_owned(),
         local_address: None,
         health: Health::new(),

@@ -102,6 +102,7 @@ impl Secrets {
         let trust = TrustFiles {
             ca: Some(self.path("certs/ca.pem")),
             token_file: token.map(|token| self.token_file(token)),
+            access: None,
         };
         let identity = IdentityFiles {
             certificate: certificate.map(|name| name.with_extension("pem")),

@@ -39,6 +39,7 @@ fn files_that_hold_something_else_are_named_and_not_quoted() {
     let files = TrustFiles {
         token_file: Some(secret.clone()),
         ca: None,
+        access: None,
     };
     let identity = IdentityFiles {
         certificate: Some(secret.clone()),

@@ -31,7 +31,7 @@ impl NullWorker {
             capacity: 1,
             kind: EmbeddingKind::UNKNOWN,
         };
-        let address = Address::new(&way.url, &way.credentials, role, "null").map_err(failed)?;
+        let address = Address::new(way.target(), role, "null").map_err(failed)?;
         let mut answers = Answers {
             pictures: pictures(spec).map_err(CliError::failed)?,
             sent: 0,
