@@ -9,6 +9,7 @@ use crate::limits::MAX_SESSIONS_PER_TOKEN;
 use axum::http::HeaderMap;
 use axum_extra::extract::cookie::{Cookie, Key, SameSite, SignedCookieJar};
 use base64::{Engine as _, engine::general_purpose::URL_SAFE_NO_PAD};
+use murmuration_files::{InputKind, expect_regular, read_bytes};
 use murmuration_link::{Token, TokenDigest};
 use murmuration_store::StoreError;
 use serde::{Deserialize, Serialize};
@@ -20,12 +21,13 @@ use std::{
         Arc, Mutex, PoisonError, RwLock,
         atomic::{AtomicBool, Ordering},
     },
-    time::{Duration, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 use tokio::sync::watch;
 
 /// How long a log-in lasts.
 const LIFETIME: Duration = Duration::from_secs(7 * 24 * 3600);
+/// Beginning of the cookie's name. Browsers send a cookie to all ports of a host, so coordinators on one host need different names.
 const COOKIE: &str = "murmuration-session";
 /// Name of the sessions' file in the data directory.
 const FILE: &str = "sessions.json";
@@ -39,6 +41,8 @@ pub struct Sessions(Arc<Shared>);
 struct Shared {
     /// The key that signs the cookies.
     key: Key,
+    /// The name of the cookie, different for each data directory.
+    cookie: String,
     path: PathBuf,
     /// The open sessions by id. The lock is never held while the file is written, so that no request waits for the disk.
     open: RwLock<Open>,
@@ -46,6 +50,8 @@ struct Shared {
     changing: Mutex<()>,
     /// Whether the file differs from memory. This flag is only set and read while `changing` is locked.
     unwritten: AtomicBool,
+    /// The start of this process, by the clock and by a timer that nobody sets.
+    started: (SystemTime, Instant),
 }
 
 type Open = BTreeMap<String, Entry>;
@@ -103,8 +109,18 @@ impl Sessions {
         secret: &Token,
         are_good: impl Fn(TokenDigest) -> bool,
     ) -> Result<Self, StoreError> {
+        Self::kept_at(data, secret, SystemTime::now(), are_good)
+    }
+
+    fn kept_at(
+        data: &Path,
+        secret: &Token,
+        now: SystemTime,
+        are_good: impl Fn(TokenDigest) -> bool,
+    ) -> Result<Self, StoreError> {
         let path = data.join(FILE);
-        let rows = match fs::read(&path) {
+        let read = expect_regular(&path).and_then(|()| read_bytes(&path, InputKind::Sessions));
+        let rows = match read {
             Ok(text) => serde_json::from_slice(&text).unwrap_or_else(|error| {
                 tracing::warn!(path = %path.display(), %error, "no sessions can be read: everybody logs in again");
                 Vec::new()
@@ -113,20 +129,25 @@ impl Sessions {
             Err(error) => return Err(StoreError::from_io(error, "read", &path)),
         };
         let found = rows.len();
+        // A session that was opened while the clock was ahead does not last longer than others.
+        let longest = seconds(now + LIFETIME);
         let entry = |(number, Row { id, token, until_s })| {
-            Some((id, Entry::new(token.parse().ok()?, number, until_s)))
+            Some((id, Entry::new(token.parse().ok()?, number, until_s.min(longest))))
         };
+        // An expired session stays closed if the clock is set back later.
         let open: Open = (0..)
             .zip(rows)
             .filter_map(entry)
-            .filter(|(_, entry)| are_good(entry.token))
+            .filter(|(_, entry)| are_good(entry.token) && entry.lasts(now))
             .collect();
         let shared = Shared {
             key: Key::derive_from(secret.reveal().as_bytes()),
+            cookie: cookie_of(secret.digest()),
             path,
             open: RwLock::new(open),
             changing: Mutex::new(()),
             unwritten: AtomicBool::new(false),
+            started: (now, Instant::now()),
         };
         // If a removed token is added again later, its old sessions must stay closed.
         let open = shared.open();
@@ -134,6 +155,13 @@ impl Sessions {
             shared.write(&open)?;
         }
         Ok(Self(Arc::new(shared)))
+    }
+
+    /// The time for sessions: the time at which this process started, and the time since then. Setting the clock neither ends nor
+    /// prolongs a session.
+    pub fn now(&self) -> SystemTime {
+        let (clock, timer) = self.0.started;
+        clock + timer.elapsed()
     }
 
     /// The session that a request came with, if it has not ended.
@@ -175,7 +203,7 @@ impl Sessions {
         open.insert(id.clone(), Entry::new(token, number, seconds(now + LIFETIME)));
         self.0.write(&open)?;
         self.0.set(open);
-        let cookie = Cookie::build((COOKIE, id))
+        let cookie = Cookie::build((self.0.cookie.clone(), id))
             .max_age(time::Duration::seconds(LIFETIME.as_secs() as i64))
             .path("/")
             .http_only(true)
@@ -202,17 +230,24 @@ impl Sessions {
 
     /// The cookie that makes a browser forget its session.
     pub fn forget(&self, headers: &HeaderMap) -> SignedCookieJar {
-        self.jar(headers).remove(Cookie::build(COOKIE).path("/"))
+        self.jar(headers)
+            .remove(Cookie::build(self.0.cookie.clone()).path("/"))
     }
 
     /// The id in the cookie of a request, if its signature is valid.
     fn id(&self, headers: &HeaderMap) -> Option<String> {
-        Some(self.jar(headers).get(COOKIE)?.value().to_owned())
+        Some(self.jar(headers).get(&self.0.cookie)?.value().to_owned())
     }
 
     fn jar(&self, headers: &HeaderMap) -> SignedCookieJar {
         SignedCookieJar::from_headers(headers, self.0.key.clone())
     }
+}
+
+fn cookie_of(secret: TokenDigest) -> String {
+    // Eight digits of the digest of a random token reveal nothing about the token.
+    let digits: String = secret.to_string().chars().take(8).collect();
+    format!("{COOKIE}-{digits}")
 }
 
 /// Ends the oldest sessions of a token that has reached its limit.

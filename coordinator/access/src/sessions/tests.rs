@@ -15,7 +15,7 @@ impl Kept {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let secret = Token::generate().unwrap();
-        let sessions = Sessions::kept(folder.path(), &secret, |_| true).unwrap();
+        let sessions = Sessions::kept_at(folder.path(), &secret, now(), |_| true).unwrap();
         Self {
             folder,
             secret,
@@ -25,7 +25,12 @@ impl Kept {
 
     /// The sessions after a restart.
     fn again(&self, are_good: impl Fn(TokenDigest) -> bool) -> Sessions {
-        Sessions::kept(self.folder.path(), &self.secret, are_good).unwrap()
+        self.again_at(now(), are_good)
+    }
+
+    /// The sessions after a restart at this time.
+    fn again_at(&self, now: SystemTime, are_good: impl Fn(TokenDigest) -> bool) -> Sessions {
+        Sessions::kept_at(self.folder.path(), &self.secret, now, are_good).unwrap()
     }
 
     fn log_in(&self, token: TokenDigest, now: SystemTime) -> HeaderMap {
@@ -227,4 +232,32 @@ async fn who_waits_for_a_session_to_end_is_told() {
     let cookie = kept.log_in(ana, now());
     kept.sessions.of(&cookie, now()).unwrap().ended().await;
     assert_eq!(begun.elapsed(), LIFETIME);
+}
+
+#[test]
+fn a_clock_that_is_set_neither_revives_nor_prolongs_a_session() {
+    let kept = Kept::new();
+    let (token, day) = (token(), Duration::from_secs(24 * 3600));
+    let headers = kept.log_in(token, now());
+    // The clock was ahead at a restart, and is right at the next one.
+    let ahead = kept.again_at(now() + 8 * day, |_| true);
+    assert_eq!(whose(&ahead, &headers, now() + 8 * day), None);
+    let right = kept.again_at(now() + 2 * day, |_| true);
+    assert_eq!(whose(&right, &headers, now() + 2 * day), None);
+
+    let kept = Kept::new();
+    let headers = kept.log_in(token, now() + 3000 * day);
+    let right = kept.again_at(now(), |_| true);
+    assert_eq!(whose(&right, &headers, now() + 6 * day), Some(token));
+    assert_eq!(whose(&right, &headers, now() + 8 * day), None);
+    let since = right.now().duration_since(now()).unwrap();
+    assert!(since < Duration::from_secs(60), "{since:?}");
+}
+
+#[test]
+fn a_file_of_sessions_that_never_ends_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/dev/zero", folder.path().join(FILE)).unwrap();
+    let error = Sessions::kept(folder.path(), &Token::generate().unwrap(), |_| true).unwrap_err();
+    assert!(error.to_string().contains("not a regular file"), "{error}");
 }
