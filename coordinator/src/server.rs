@@ -9,8 +9,8 @@ use crate::{
     metrics::Metrics,
     probes::{Probes, Readiness},
 };
-use endpoints::{Served, Serving, listen, url};
-use murmuration_access::{ListenConfig, Requirements, Seats};
+use endpoints::{Opened, Served, Serving, listen, url};
+use murmuration_access::{ListenConfig, LocalToken, Requirements, Seats, TlsError};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
@@ -21,7 +21,7 @@ use murmuration_engine::{
     space::Spaces,
     synthetic::SyntheticAnnotator,
 };
-use murmuration_link::machine_name;
+use murmuration_link::{AccessFile, access_file_of, machine_name};
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
@@ -42,7 +42,7 @@ use murmuration_store::{
 };
 use murmuration_web::{DrawnAtlas, Judged, Playground, Reports, Studies, Web};
 use services::Services;
-use std::{io, net::SocketAddr, sync::Arc, time::Duration};
+use std::{io, net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use tokio::sync::{Semaphore, watch};
 use tonic::server::NamedService as _;
 
@@ -67,6 +67,18 @@ pub struct Options {
     pub tries_checkpoints: bool,
     /// Options of the dispatchers of workers and trainers.
     pub dispatch: dispatch::Options,
+    /// How other processes find the coordinator; `None` if only its own command uses it.
+    pub publication: Option<Publication>,
+}
+
+/// How other processes find the coordinator: by an access file in the data directory.
+#[derive(Debug, Clone, Default)]
+pub struct Publication {
+    /// A further place for the access file.
+    pub file: Option<PathBuf>,
+    /// Name or address by which other machines reach this machine; by default the address to listen on or, if the coordinator
+    /// listens on all addresses, the name of this machine.
+    pub contact: Option<String>,
 }
 
 /// Why a coordinator could not start, or failed.
@@ -82,6 +94,9 @@ pub enum ServerError {
     /// The store cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The coordinator's certificate cannot be used.
+    #[error(transparent)]
+    Certificate(#[from] TlsError),
     /// The store of checkpoints cannot be used.
     #[error(transparent)]
     Checkpoints(#[from] CheckpointError),
@@ -102,6 +117,7 @@ pub struct Coordinator {
     address: SocketAddr,
     is_encrypted: bool,
     local: LocalWay,
+    published: Option<AccessFile>,
     requirements: Requirements,
     campaigns: Campaigns,
     dispatch: Dispatch,
@@ -123,6 +139,7 @@ impl Coordinator {
     /// # Errors
     /// See [`ServerError`].
     pub async fn start(options: Options) -> Result<Self, ServerError> {
+        options.check_access_files()?;
         let (listener, address) = listen(options.listen.address()).await?;
         // Opening can take long if the database has an older schema, and a signal may end it.
         let open = move || (Store::open(&options.data), options);
@@ -263,15 +280,24 @@ impl Coordinator {
                 }
             });
         }
-        let (local, servers) = served.open(listener, &options).await?;
+        let Opened {
+            local,
+            servers,
+            published,
+        } = served.open(listener, &options).await?;
+        // A command on another machine that finds the lock reads the access file.
+        if let Some(access) = &published {
+            options.write_access_files(access)?;
+        }
         options
             .data
             .announce(&local.url, &machine_name().unwrap_or_default())?;
         readiness.set(true).await;
         Ok(Self {
             address,
-            is_encrypted: options.listen.tls().is_some(),
+            is_encrypted: options.listen.is_encrypted(),
             local,
+            published,
             requirements,
             campaigns,
             dispatch,
@@ -301,6 +327,12 @@ impl Coordinator {
     #[must_use]
     pub const fn local(&self) -> &LocalWay {
         &self.local
+    }
+
+    /// The contents of the coordinator's access file, if it has one.
+    #[must_use]
+    pub const fn published(&self) -> Option<&AccessFile> {
+        self.published.as_ref()
     }
 
     /// Requirements for each page and gRPC method of this coordinator.
@@ -335,5 +367,32 @@ impl Coordinator {
             }
         }
         Ok(())
+    }
+}
+
+impl Options {
+    /// The places of the access file.
+    fn access_files(&self) -> Vec<PathBuf> {
+        let Some(publication) = &self.publication else {
+            return Vec::new();
+        };
+        let own = access_file_of(self.data.path());
+        publication.file.clone().into_iter().chain([own]).collect()
+    }
+
+    fn check_access_files(&self) -> Result<(), StoreError> {
+        let owner = LocalToken::of(self.data.path())?;
+        let token = self.listen.access(&owner).owner;
+        self.access_files().iter().try_for_each(|path| {
+            AccessFile::expect_no_other(path, token)
+                .map_err(|error| StoreError::from_io(error, "write the access file", path))
+        })
+    }
+
+    fn write_access_files(&self, access: &AccessFile) -> Result<(), StoreError> {
+        self.access_files().iter().try_for_each(|path| {
+            let written = access.write(path);
+            written.map_err(|error| StoreError::from_io(error, "write the access file", path))
+        })
     }
 }

@@ -74,7 +74,7 @@ impl Cluster {
     /// Starts a coordinator over the data directory `data`, with `workers` workers and a trainer. Running campaigns of the
     /// directory continue.
     pub async fn start(data: &Path, workers: usize) -> Self {
-        Self::start_as(data, workers, ListenConfig::loopback(0), quick_dispatch()).await
+        Self::start_as(data, workers, ListenConfig::open(0), quick_dispatch()).await
     }
 
     /// Starts a cluster as [`Cluster::start`] does, with another listener. The cluster's own client connects as a process of this
@@ -85,13 +85,13 @@ impl Cluster {
 
     /// Starts a cluster as [`Cluster::start`] does, with other options for workers.
     pub async fn start_with(data: &Path, workers: usize, dispatch: dispatch::Options) -> Self {
-        Self::start_as(data, workers, ListenConfig::loopback(0), dispatch).await
+        Self::start_as(data, workers, ListenConfig::open(0), dispatch).await
     }
 
     /// Starts a cluster as [`Cluster::start`] does, but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
         let in_process = InProcess { workers, trainers: 0 };
-        Self::start_in_process(data, in_process, ListenConfig::loopback(0), quick_dispatch()).await
+        Self::start_in_process(data, in_process, ListenConfig::open(0), quick_dispatch()).await
     }
 
     async fn start_as(
@@ -116,6 +116,7 @@ impl Cluster {
             checkpoints: None,
             tries_checkpoints: true,
             dispatch,
+            publication: None,
         };
         let local = LocalCluster::start(options, in_process).await.unwrap();
         let way = local.coordinator().local();

@@ -334,6 +334,8 @@ fn serve(folder: &Path, listen: &str, environment: &Environment) -> Running {
             "0.1",
             "--listen",
             listen,
+            // Tests of credentials are elsewhere.
+            "--insecure-listen",
         ])
         .env("MURMURATION_DATA", folder.join("data"))
         .envs(environment.clone());

@@ -2,7 +2,7 @@
 //! from, and the credentials that its route requires.
 
 use super::{
-    Access, PresentedCredentials, Refusal, Role, Sessions,
+    Access, OneTimeCodes, PresentedCredentials, Refusal, Role, Sessions,
     machine::{self, ByCertificate, Certificate},
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
@@ -32,7 +32,7 @@ use std::{
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
-    time::{Duration, SystemTime},
+    time::Duration,
 };
 use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
@@ -47,11 +47,21 @@ pub struct Endpoint {
     pub access: Access,
     /// The browsers that have logged in.
     pub sessions: Sessions,
+    /// The codes with which the owner's browsers log in.
+    pub codes: OneTimeCodes,
     /// The host names that the endpoint answers to.
     pub hosts: Hosts,
     /// Whether the endpoint's connections are encrypted.
     pub is_encrypted: bool,
     pub show_refusal: ShowRefusal,
+}
+
+/// The sender of a request that may pass.
+#[derive(Debug, Clone, Copy)]
+struct Admitted {
+    principal: Principal,
+    /// The role of the holder of the request's token; `None` without a known token.
+    role: Option<Role>,
 }
 
 /// Renders a refusal of this request for the client that sent it.
@@ -104,14 +114,14 @@ impl Gate {
         let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
         // Only pages accept a cookie: a browser attaches it even to requests that another site's page makes.
         let session = match (asked, bearer(request.headers())) {
-            (Asked::Page, None) => endpoint.sessions.of(request.headers(), SystemTime::now()),
+            (Asked::Page, None) => endpoint.sessions.of(request.headers(), endpoint.sessions.now()),
             _ => None,
         };
         let head = RequestHead::of(&request);
         let answered = match endpoint.allows(asked, requirement, session.as_ref(), &request) {
-            Ok(principal) => {
+            Ok(Admitted { principal, role }) => {
                 if let Some(machine) = ByCertificate::of(request.extensions())
-                    && self.role(principal) != Some(Role::Operator)
+                    && role != Some(Role::Operator)
                 {
                     request.extensions_mut().insert(machine);
                 }
@@ -129,7 +139,8 @@ impl Gate {
                 };
                 let waits = speaks_grpc && class != CostClass::Stranger;
                 let patience = (!waits).then_some(SEAT_LIMIT);
-                self.seated(class, principal, patience, request, next).await
+                let admitted = Admitted { principal, role };
+                self.seated(class, admitted, patience, request, next).await
             }
             Err(refusal) => Err(refusal),
         };
@@ -145,19 +156,11 @@ impl Gate {
         }
     }
 
-    /// The role of the token's holder.
-    fn role(&self, principal: Principal) -> Option<Role> {
-        let Principal::Token(token) = principal else {
-            return None;
-        };
-        self.endpoint.access.whose(token).map(|(_, role)| role)
-    }
-
     /// The response of the handler, once there is a seat for the request.
     async fn seated(
         &self,
         class: CostClass,
-        principal: Principal,
+        Admitted { principal, role }: Admitted,
         patience: Option<Duration>,
         request: Request,
         next: Next,
@@ -185,7 +188,7 @@ impl Gate {
             }
         };
         let answered = async {
-            match self.role(principal) == Some(Role::Annotator) {
+            match role == Some(Role::Annotator) {
                 true => self.seats.label_budget(principal).scope(next.run(request)).await,
                 // Operators have no label budget.
                 false => next.run(request).await,
@@ -229,7 +232,7 @@ impl Endpoint {
         requirement: Requirement,
         session: Option<&Session>,
         request: &Request,
-    ) -> Result<Principal, Refusal> {
+    ) -> Result<Admitted, Refusal> {
         let handle = request.extensions().get::<ConnectionHandle>();
         if handle.is_some_and(|handle| !handle.may_ask()) {
             return Err(Refusal::Rate);
@@ -247,14 +250,19 @@ impl Endpoint {
             certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
         };
         self.access.admits(requirement, &presented)?;
-        Ok(self.principal(&presented, request))
+        let holder = presented.token.and_then(|token| self.access.whose(token));
+        Ok(Admitted {
+            principal: self.principal(&presented, request),
+            role: holder.map(|(_, role)| role),
+        })
     }
 
-    /// The principal of a request. Unknown tokens do not count as principals, because anybody can invent tokens.
+    /// The principal of a request. Unknown tokens do not count as principals, because anybody can invent tokens. Nor does the
+    /// owner's token, which all machines of a cluster may have: its bearers count by their addresses.
     fn principal(&self, presented: &PresentedCredentials, request: &Request) -> Principal {
         let known = presented
             .token
-            .filter(|&token| self.access.whose(token).is_some());
+            .filter(|&token| self.access.whose(token).is_some() && self.access.owner != Some(token));
         match (known, machine::origin(request.extensions())) {
             (Some(token), _) => Principal::Token(token),
             (None, Some(origin)) if presented.certificate.is_some() => Principal::Machine(origin.machine),
@@ -265,7 +273,7 @@ impl Endpoint {
 
     /// The token of the session of a browser.
     pub fn logged_in(&self, headers: &HeaderMap) -> Option<TokenDigest> {
-        let session = self.sessions.of(headers, SystemTime::now());
+        let session = self.sessions.of(headers, self.sessions.now());
         session.map(|session| session.token)
     }
 }
@@ -328,12 +336,13 @@ impl From<Refusal> for Status {
     fn from(refusal: Refusal) -> Self {
         let message = refusal.to_string();
         match refusal {
-            Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => {
-                Self::unauthenticated(message)
-            }
-            Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
-                Self::permission_denied(message)
-            }
+            Refusal::NoToken | Refusal::UnknownToken => Self::unauthenticated(message),
+            // Other tokens do not help, and a process waits for no other access file.
+            Refusal::NoCertificate
+            | Refusal::Role { .. }
+            | Refusal::WrongCertificate(_)
+            | Refusal::Host
+            | Refusal::Origin => Self::permission_denied(message),
             Refusal::Rate | Refusal::Headers | Refusal::NoSeat(NoSeat::Busy(_)) => {
                 Self::resource_exhausted(message)
             }
@@ -359,10 +368,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let own = Token::generate().unwrap();
         let endpoint = Endpoint {
-            access: Access {
-                tokens: None,
-                certificates: false,
-            },
+            access: Access::default(),
+            codes: OneTimeCodes::new(&own),
             sessions: Sessions::kept(folder.path(), &own, |_| true).unwrap(),
             hosts: Hosts::Any,
             is_encrypted: false,

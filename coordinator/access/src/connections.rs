@@ -12,7 +12,7 @@ use std::{
     cmp::Reverse,
     collections::{BTreeMap, HashMap},
     io,
-    net::{IpAddr, Ipv6Addr},
+    net::{IpAddr, Ipv4Addr, Ipv6Addr},
     pin::Pin,
     sync::{
         Arc, Mutex, PoisonError,
@@ -166,7 +166,7 @@ pub fn connections(
                 }
             };
             let (close, told) = oneshot::channel();
-            let handle = ConnectionHandle::new(peer.ip().to_canonical(), close);
+            let handle = ConnectionHandle::new(machine_at(&stream, peer.ip()), close);
             let Some(permit) = permits.take(handle.peer(), &handle) else {
                 tracing::debug!(%peer, "too many connections");
                 continue;
@@ -178,6 +178,16 @@ pub fn connections(
         }
     });
     ReceiverStream::new(stream)
+}
+
+/// The address that stands for the machine at the other end. A process of this machine that connects by the machine's own address
+/// counts as one that connects on loopback: one machine has one vote.
+fn machine_at(stream: &TcpStream, peer: IpAddr) -> IpAddr {
+    let peer = peer.to_canonical();
+    match stream.local_addr() {
+        Ok(own) if own.ip().to_canonical() == peer => Ipv4Addr::LOCALHOST.into(),
+        _ => peer,
+    }
 }
 
 /// A connection that fails once no byte has passed on it for too long.

@@ -24,11 +24,13 @@ mod requirement;
 mod response_body;
 mod router;
 mod seats;
+mod self_signed;
 mod sessions;
+mod tls;
 mod tokens;
 
 pub use admit::{Endpoint, RequestHead};
-pub use listen_config::{ListenConfig, ListenConfigError, Tls};
+pub use listen_config::ListenConfig;
 pub use local::{LocalToken, local_token};
 pub use machine::{ByCertificate, MachineKind, origin};
 pub use one_time::{OneTimeCodes, one_time_code};
@@ -36,7 +38,9 @@ pub use origin::Hosts;
 pub use requirement::{MethodRequirements, Requirement, Requirements, Role};
 pub use router::GuardedRouter;
 pub use seats::{ClassSeats, Client, CostClass, NoClassSeats, NoSeat, SeatCounts, SeatLimits, Seats};
+pub use self_signed::self_signed;
 pub use sessions::Sessions;
+pub use tls::{Tls, TlsError};
 pub use tokens::{HolderName, Tokens, TokensError, file_entry};
 
 use machine::Certificate;
@@ -49,6 +53,8 @@ use std::sync::Arc;
 pub struct Access {
     /// The tokens that are accepted; if `None`, everybody is an operator.
     pub tokens: Option<Arc<Tokens>>,
+    /// The owner's token, if it is one of `tokens`.
+    pub owner: Option<TokenDigest>,
     /// Whether machines must show a certificate.
     pub certificates: bool,
 }
@@ -65,8 +71,8 @@ pub(crate) struct PresentedCredentials {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     #[error(
-        "this coordinator requires a token: set MURMURATION_TOKEN to your token, or MURMURATION_TOKEN_FILE to the file \
-         that holds it (in a browser, log in)"
+        "this coordinator requires a token: name its access file with --access FILE, or set MURMURATION_TOKEN_FILE to the \
+         file that holds your token (in a browser, open the link that `murmuration link` prints)"
     )]
     NoToken,
     #[error("this coordinator does not know that token")]
@@ -185,6 +191,7 @@ mod tests {
             .map(|(role, token)| (role.to_string().parse().unwrap(), *role, token.digest()));
         Access {
             tokens: Some(Arc::new(Tokens::of(holders))),
+            owner: None,
             certificates,
         }
     }

@@ -1,123 +1,73 @@
-//! The address at which a coordinator listens, its encryption, and its access rules; unsafe combinations are refused.
+//! The address at which a coordinator listens, its encryption, and its access rules.
 
-use super::{Access, ClassSeats, Hosts, Seats, Tokens};
-use crate::limits::HANDSHAKE_LIMIT;
-use murmuration_link::{CredentialsError, read_pem, root_cause};
+use super::{Access, ClassSeats, Hosts, LocalToken, Seats, Tls, TlsError, Tokens, self_signed};
 use std::{
     net::{Ipv4Addr, SocketAddr},
-    path::{Path, PathBuf},
-    sync::Arc,
+    path::Path,
 };
-use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
 /// Where and how a coordinator listens.
 #[derive(Debug)]
 pub struct ListenConfig {
     address: SocketAddr,
-    tls: Option<Tls>,
-    tokens: Option<Arc<Tokens>>,
+    encryption: Encryption,
+    people: People,
     seats: Seats,
 }
 
-/// The certificate of the coordinator, and the authority that signs the certificates of machines.
 #[derive(Debug)]
-pub struct Tls {
-    config: ServerTlsConfig,
-    /// Whether machines must have a certificate of an authority.
-    client_ca: bool,
+enum Encryption {
+    /// The traffic stays on this machine, or on a trusted network.
+    Nothing,
+    /// By a certificate that the coordinator makes for itself.
+    SelfSigned,
+    /// By a certificate of the user's.
+    Certificate(Tls),
 }
 
-/// Why a configuration is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum ListenConfigError {
-    /// Others on the network could read the traffic.
-    #[error(
-        "other machines can reach {0}, and the traffic would not be encrypted: give --certificate and --key \
-         (`murmuration certs DIR` makes a first pair), or --insecure-listen on a network that you trust"
-    )]
-    Plain(SocketAddr),
-    /// Others on the network could do anything.
-    #[error(
-        "other machines can reach {0}, and every person who does could do anything: give --tokens FILE (`murmuration token \
-         NAME --role ROLE` makes its lines), or --insecure-listen on a network that you trust"
-    )]
-    Open(SocketAddr),
-    /// A file cannot be used.
-    #[error(transparent)]
-    File(#[from] CredentialsError),
-    /// The certificate, its key and the authority do not fit together.
-    #[error("the certificate in {} cannot be used: {reason}", path.display())]
-    Unusable {
-        /// The certificate's file.
-        path: PathBuf,
-        /// Error of the TLS library.
-        reason: String,
-    },
-}
-
-impl Tls {
-    /// Reads PEM files: the coordinator's certificate (followed by its chain) and key, and the certificate of the authority that
-    /// signs the certificates of workers and trainers. If `client_ca` is given, workers and trainers must show a certificate;
-    /// people and browsers need no certificate.
-    ///
-    /// # Errors
-    /// The error names the file that cannot be used, and the reason.
-    pub fn read(certificate: &Path, key: &Path, client_ca: Option<&Path>) -> Result<Self, ListenConfigError> {
-        let identity = Identity::from_pem(
-            read_pem(certificate, "certificate")?,
-            read_pem(key, "private key")?,
-        );
-        let mut config = ServerTlsConfig::new().identity(identity).timeout(HANDSHAKE_LIMIT);
-        if let Some(path) = client_ca {
-            let ca = Certificate::from_pem(read_pem(path, "certificate")?);
-            config = config.client_ca_root(ca).client_auth_optional(true);
-        }
-        // The configuration is checked now, not at the first connection.
-        let checked = Server::builder().tls_config(config.clone());
-        checked.map_err(|error| ListenConfigError::Unusable {
-            path: certificate.to_owned(),
-            reason: root_cause(&error),
-        })?;
-        Ok(Self {
-            config,
-            client_ca: client_ca.is_some(),
-        })
-    }
+/// Whom a coordinator admits.
+#[derive(Debug)]
+enum People {
+    /// Everybody who reaches the coordinator, as an operator.
+    Everybody,
+    /// The bearers of these tokens, and of the owner's token.
+    Holders(Tokens),
 }
 
 impl ListenConfig {
-    /// A loopback address without encryption or tokens, for a machine of one person. Port 0 is any free port.
+    /// A loopback address without encryption, where everybody is an operator: for a machine of one person. Port 0 is any free
+    /// port.
     #[must_use]
-    pub fn loopback(port: u16) -> Self {
+    pub fn open(port: u16) -> Self {
+        Self::trusting((Ipv4Addr::LOCALHOST, port).into(), None, None)
+    }
+
+    /// A listener at `address`, encrypted with `tls`, for the holders of `tokens` and the bearers of the owner's token. Without
+    /// `tls`, a listener for other machines is encrypted by a certificate that the coordinator makes for itself.
+    #[must_use]
+    pub fn new(address: SocketAddr, tls: Option<Tls>, tokens: Option<Tokens>) -> Self {
+        let is_loopback = address.ip().to_canonical().is_loopback();
         Self {
-            address: (Ipv4Addr::LOCALHOST, port).into(),
-            tls: None,
-            tokens: None,
+            address,
+            encryption: match tls {
+                Some(tls) => Encryption::Certificate(tls),
+                None if is_loopback => Encryption::Nothing,
+                None => Encryption::SelfSigned,
+            },
+            people: People::Holders(tokens.unwrap_or_default()),
             seats: Seats::new(&[]),
         }
     }
 
-    /// A listener at `address`, encrypted with `tls`, for the holders of `tokens`. Encryption and tokens are required, unless
-    /// `address` is a loopback address or everybody who can reach it is `trusted`.
-    ///
-    /// # Errors
-    /// [`ListenConfigError::Plain`] if encryption is missing, [`ListenConfigError::Open`] if tokens are missing.
-    pub fn new(
-        address: SocketAddr,
-        tls: Option<Tls>,
-        tokens: Option<Tokens>,
-        trusted: bool,
-    ) -> Result<Self, ListenConfigError> {
-        let alone = address.ip().to_canonical().is_loopback();
-        match (&tls, &tokens) {
-            (None, _) if !alone && !trusted => Err(ListenConfigError::Plain(address)),
-            (Some(_), None) if !alone && !trusted => Err(ListenConfigError::Open(address)),
-            _ => Ok(Self {
-                address,
-                tls,
-                tokens: tokens.map(Arc::new),
-                seats: Seats::new(&[]),
-            }),
+    /// A listener on a network whose users are all trusted: without `tls` it is not encrypted, and without `tokens` everybody who
+    /// reaches it is an operator.
+    #[must_use]
+    pub fn trusting(address: SocketAddr, tls: Option<Tls>, tokens: Option<Tokens>) -> Self {
+        Self {
+            address,
+            encryption: tls.map_or(Encryption::Nothing, Encryption::Certificate),
+            people: tokens.map_or(People::Everybody, People::Holders),
+            seats: Seats::new(&[]),
         }
     }
 
@@ -138,21 +88,37 @@ impl ListenConfig {
         self.address
     }
 
-    /// The TLS configuration, if connections are encrypted.
-    pub fn tls(&self) -> Option<ServerTlsConfig> {
-        self.tls.as_ref().map(|tls| tls.config.clone())
+    /// Whether connections are encrypted.
+    pub const fn is_encrypted(&self) -> bool {
+        !matches!(self.encryption, Encryption::Nothing)
+    }
+
+    /// The certificate of the coordinator over the data directory `data`, if connections are encrypted.
+    ///
+    /// # Errors
+    /// If the coordinator's own certificate cannot be read or made.
+    pub fn tls(&self, data: &Path) -> Result<Option<Tls>, TlsError> {
+        match &self.encryption {
+            Encryption::Nothing => Ok(None),
+            Encryption::SelfSigned => self_signed(data).map(Some),
+            Encryption::Certificate(tls) => Ok(Some(tls.clone())),
+        }
     }
 
     /// The host names that the endpoint answers to.
-    pub fn hosts(&self) -> Hosts {
-        Hosts::of(self.address, &self.access(), self.tls.is_some())
+    pub fn hosts(&self, access: &Access) -> Hosts {
+        Hosts::of(self.address, access, self.is_encrypted())
     }
 
     /// Credentials that are accepted.
-    pub fn access(&self) -> Access {
-        Access {
-            tokens: self.tokens.clone(),
-            certificates: self.tls.as_ref().is_some_and(|tls| tls.client_ca),
+    pub fn access(&self, owner: &LocalToken) -> Access {
+        let certificates = matches!(&self.encryption, Encryption::Certificate(tls) if tls.has_client_ca());
+        match &self.people {
+            People::Everybody => Access {
+                certificates,
+                ..Access::default()
+            },
+            People::Holders(tokens) => owner.access_with(tokens.clone(), certificates),
         }
     }
 }
@@ -161,32 +127,30 @@ impl ListenConfig {
 mod tests {
     use super::*;
 
-    fn enter(address: &str, tokens: bool, trusted: bool) -> Result<ListenConfig, ListenConfigError> {
-        let tokens = tokens.then(Tokens::default);
-        ListenConfig::new(address.parse().unwrap(), None, tokens, trusted)
-    }
-
     #[test]
-    fn in_the_clear_one_listens_to_this_machine_or_on_purpose() {
-        for alone in [
-            "127.0.0.1:7700",
-            "127.8.8.8:0",
-            "[::1]:7700",
-            "[::ffff:127.0.0.1]:7700",
+    fn others_reach_a_coordinator_encrypted_and_with_a_token_unless_they_are_trusted() {
+        let folder = tempfile::tempdir().unwrap();
+        let owner = LocalToken::of(folder.path()).unwrap();
+        for (address, is_loopback) in [
+            ("127.0.0.1:7700", true),
+            ("127.8.8.8:0", true),
+            ("[::1]:7700", true),
+            ("[::ffff:127.0.0.1]:7700", true),
+            ("0.0.0.0:7700", false),
+            ("[::]:7700", false),
+            ("192.168.0.7:7700", false),
+            ("[::ffff:192.168.0.7]:1", false),
         ] {
-            assert!(enter(alone, false, false).is_ok(), "{alone}");
-        }
-        for elsewhere in [
-            "0.0.0.0:7700",
-            "[::]:7700",
-            "192.168.0.7:7700",
-            "[::ffff:192.168.0.7]:1",
-        ] {
-            for tokens in [false, true] {
-                let refused = enter(elsewhere, tokens, false);
-                assert!(matches!(refused, Err(ListenConfigError::Plain(_))), "{elsewhere}");
-                assert!(enter(elsewhere, tokens, true).is_ok(), "{elsewhere}");
-            }
+            let address = address.parse().unwrap();
+            let config = ListenConfig::new(address, None, None);
+            assert_eq!(config.is_encrypted(), !is_loopback, "{address}");
+            assert_eq!(config.tls(folder.path()).unwrap().is_some(), !is_loopback);
+            let access = config.access(&owner);
+            assert!(access.whose(owner.token().digest()).is_some() && !access.is_open());
+            let trusting = ListenConfig::trusting(address, None, None);
+            assert!(!trusting.is_encrypted() && trusting.access(&owner).is_open());
+            let with_tokens = ListenConfig::trusting(address, None, Some(Tokens::default()));
+            assert!(!with_tokens.access(&owner).is_open());
         }
     }
 }

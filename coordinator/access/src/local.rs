@@ -1,6 +1,7 @@
-//! Access for processes of the same machine and user: a token that only the owner of the data directory can read.
+//! The owner's token: a token that only the owner of the data directory can read, for the owner's processes and browsers.
 
 use super::{Access, HolderName, Role, Tokens};
+use murmuration_files::{InputKind, expect_own_file, read_bytes};
 use murmuration_link::{CredentialsError, Token, read_token};
 use murmuration_store::{StoreError, files::is_there};
 use std::{
@@ -24,7 +25,18 @@ pub struct LocalToken {
 /// # Errors
 /// If there is a token that this process cannot read.
 pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
-    match read_token(&data.join(FILE)) {
+    let path = data.join(FILE);
+    // In another user's folder, the file could be a link to this user's token, which a command would then send to that user's
+    // process.
+    let unread = |source| CredentialsError::File {
+        path: path.clone(),
+        source,
+    };
+    match expect_own_file(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        checked => checked.map_err(unread)?,
+    }
+    match read_token(&path) {
         Ok(token) => Ok(Some(token)),
         Err(CredentialsError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
@@ -64,19 +76,27 @@ impl LocalToken {
         &self.token
     }
 
+    /// Access rules that accept this token as an operator's token, and the tokens of `others`.
+    pub(crate) fn access_with(&self, others: Tokens, certificates: bool) -> Access {
+        let mut tokens = others;
+        tokens.add(HolderName::owner(), Role::Operator, self.token.digest());
+        Access {
+            tokens: Some(Arc::new(tokens)),
+            owner: Some(self.token.digest()),
+            certificates,
+        }
+    }
+
     /// Access rules that accept only this token, as an operator's token.
     pub fn access(&self) -> Access {
-        let holder = (HolderName::this_machine(), Role::Operator, self.token.digest());
-        Access {
-            tokens: Some(Arc::new(Tokens::of([holder]))),
-            certificates: false,
-        }
+        self.access_with(Tokens::default(), false)
     }
 }
 
 /// Whether a file is a token of which only the beginning was written. The coordinator did not make any other file of that name.
 fn is_begun(path: &Path) -> bool {
-    fs::read(path).is_ok_and(|bytes| b"mur_".starts_with(&bytes) || bytes.starts_with(b"mur_"))
+    let is_begun = |bytes: Vec<u8>| b"mur_".starts_with(&bytes) || bytes.starts_with(b"mur_");
+    expect_own_file(path).is_ok() && read_bytes(path, InputKind::Token).is_ok_and(is_begun)
 }
 
 /// Writes a file that only its owner can read.
@@ -130,5 +150,23 @@ mod tests {
             local_token(folder.path()).unwrap().unwrap().digest(),
             other.token().digest()
         );
+    }
+
+    #[test]
+    fn a_link_to_a_token_elsewhere_is_not_followed() {
+        let (own, others) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        LocalToken::of(own.path()).unwrap();
+        let path = others.path().join(FILE);
+        for link in [std::os::unix::fs::symlink, fs::hard_link] {
+            link(own.path().join(FILE), &path).unwrap();
+            let error = local_token(others.path()).unwrap_err().to_string();
+            assert!(error.contains("link"), "{error}");
+            assert!(LocalToken::of(others.path()).is_err());
+            fs::remove_file(&path).unwrap();
+        }
+        // Opening a pipe would wait for ever.
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success());
+        assert!(local_token(others.path()).is_err() && LocalToken::of(others.path()).is_err());
     }
 }

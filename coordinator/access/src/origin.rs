@@ -273,7 +273,7 @@ mod tests {
         let open = Access::default();
         let guarded = Access {
             tokens: Some(std::sync::Arc::default()),
-            certificates: false,
+            ..Access::default()
         };
         let at =
             |address: &str, access, is_encrypted| Hosts::of(address.parse().unwrap(), access, is_encrypted);

@@ -21,13 +21,13 @@ const MAX_NAME: usize = 64;
 pub struct HolderName(String);
 
 /// The tokens that are accepted, with their holders.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Tokens {
     holders: Vec<TokenHolder>,
 }
 
 /// The holder of a token, and their role.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct TokenHolder {
     /// The holder's name, for people who read the file, and for refusals.
     pub(crate) name: HolderName,
@@ -83,12 +83,15 @@ impl Tokens {
 
     /// The tokens of these holders: name, role, digest.
     pub(crate) fn of(holders: impl IntoIterator<Item = (HolderName, Role, TokenDigest)>) -> Self {
-        let holders = holders.into_iter();
-        Self {
-            holders: holders
-                .map(|(name, role, digest)| TokenHolder { name, role, digest })
-                .collect(),
+        let mut tokens = Self::default();
+        for (name, role, digest) in holders {
+            tokens.add(name, role, digest);
         }
+        tokens
+    }
+
+    pub(crate) fn add(&mut self, name: HolderName, role: Role, digest: TokenDigest) {
+        self.holders.push(TokenHolder { name, role, digest });
     }
 
     /// The holder of a token. The token is compared with every holder's token, so that the time of the comparison reveals
@@ -106,9 +109,9 @@ impl Tokens {
 }
 
 impl HolderName {
-    /// The holder of the token that a data directory has for its own machine.
-    pub(super) fn this_machine() -> Self {
-        Self("this machine".to_owned())
+    /// The owner of the data directory, who holds its token.
+    pub(super) fn owner() -> Self {
+        Self("owner".to_owned())
     }
 }
 

@@ -9,14 +9,17 @@ use murmuration_coordinator::{
     server::Options,
 };
 use murmuration_dispatch as dispatch;
-use murmuration_link::{Coordinator, Credentials};
+use murmuration_link::{
+    AccessFile, Coordinator, Credentials, Target, access_file_of, is_loopback, machine_name,
+};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
     study_service_client::StudyServiceClient, transfer_service_client::TransferServiceClient,
 };
-use murmuration_store::{DataDirectory, StoreError};
+use murmuration_store::{DataDirectory, LockHolder, StoreError};
 use std::{
+    net::Ipv4Addr,
     path::Path,
     time::{Duration, Instant},
 };
@@ -53,18 +56,15 @@ impl Connection {
         in_process: InProcess,
         hold: fn(&Path) -> Result<DataDirectory, StoreError>,
     ) -> Result<Self, CliError> {
-        if let Some(url) = &global.coordinator {
-            return Self::to(url, &global.credentials()?).await;
+        if let Some(target) = global.target()? {
+            return Self::to(&target).await;
         }
         let begun = Instant::now();
         loop {
             match hold(&global.data) {
                 Ok(data) => return Self::start(global, data, in_process).await,
                 Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
-                    CliError::expect_this_machine(&holder, &global.data)?;
-                    let token = local_token(&global.data)?;
-                    let credentials = token.map_or_else(Credentials::default, Credentials::token);
-                    return Self::to(&holder.address, &credentials).await;
+                    return Self::to(&of_holder(holder, &global.data)?).await;
                 }
                 Err(StoreError::InUse { .. }) if begun.elapsed() < ADDRESS_WAIT => {
                     tokio::time::sleep(ADDRESS_PAUSE).await;
@@ -78,15 +78,16 @@ impl Connection {
     async fn start(global: &Global, data: DataDirectory, in_process: InProcess) -> Result<Self, CliError> {
         let options = Options {
             data,
-            listen: ListenConfig::loopback(0),
+            listen: ListenConfig::new((Ipv4Addr::LOCALHOST, 0).into(), None, None),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: in_process != InProcess::NONE,
             dispatch: dispatch::Options::default(),
+            publication: None,
         };
         let own = LocalCluster::start(options, in_process).await?;
         let way = own.coordinator().local().clone();
-        match Self::to(&way.url, &way.credentials).await {
+        match Self::to(&way.target()).await {
             Ok(connection) => Ok(Self {
                 own: Some(own),
                 ..connection
@@ -98,8 +99,8 @@ impl Connection {
         }
     }
 
-    async fn to(url: &str, credentials: &Credentials) -> Result<Self, CliError> {
-        let channel = connect(url, credentials).await?;
+    async fn to(target: &Target) -> Result<Self, CliError> {
+        let channel = connect(target).await?;
         Ok(Self {
             client: Client::new(channel.clone()),
             checkpoints: CheckpointClient::new(channel.clone()),
@@ -167,15 +168,46 @@ pub async fn with_own<T>(
         .await
 }
 
-pub async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
+/// The coordinator that holds the data directory `data`.
+///
+/// # Errors
+/// If the coordinator runs on another machine and is only for that machine, or if its token cannot be read.
+pub(super) fn of_holder(holder: LockHolder, data: &Path) -> Result<Target, CliError> {
+    if !is_on_this_machine(&holder) {
+        let path = access_file_of(data);
+        return match AccessFile::read(&path) {
+            Ok(access) if access.is_for_other_machines() => Ok(Target::AccessFile {
+                path,
+                credentials: Credentials::default(),
+            }),
+            _ => Err(CliError::on_another_machine(&holder, data)),
+        };
+    }
+    // The folder may be somebody else's. So the token is sent only to this machine, where a coordinator listens for its commands.
+    let token = match is_loopback(&holder.address) {
+        true => local_token(data)?,
+        false => None,
+    };
+    Ok(Target::Url {
+        url: holder.address,
+        credentials: token.map_or_else(Credentials::default, Credentials::token),
+    })
+}
+
+fn is_on_this_machine(holder: &LockHolder) -> bool {
+    holder.machine.is_empty() || machine_name().is_none_or(|own| own == holder.machine)
+}
+
+pub async fn connect(target: &Target) -> Result<Coordinator, CliError> {
+    let (url, credentials) = target.look_up()?;
     // Answers may take any time, but the server must answer pings.
     let endpoint = credentials
-        .endpoint(url)?
+        .endpoint(&url)?
         .connect_timeout(Duration::from_secs(5))
         .http2_keep_alive_interval(Duration::from_secs(10))
         .keep_alive_timeout(Duration::from_secs(20));
     let channel = endpoint.connect().await;
-    let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;
+    let channel = channel.map_err(|error| CliError::no_coordinator(&url, &error))?;
     Ok(InterceptedService::new(channel, credentials.bearer()))
 }
 

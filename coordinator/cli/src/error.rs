@@ -1,11 +1,11 @@
 //! Errors of commands, in words for people.
 
-use murmuration_access::{ListenConfigError, TokensError};
+use murmuration_access::{TlsError, TokensError};
 use murmuration_coordinator::server::ServerError;
 use murmuration_embed::{EmbedError, RuntimeError};
 use murmuration_export::ExportError;
 use murmuration_files::FolderError;
-use murmuration_link::{CredentialsError, OutputError, machine_name, root_cause};
+use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_report::{ReportError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
@@ -61,18 +61,14 @@ impl CliError {
         ))
     }
 
-    /// Error if the process that holds the data directory `data` is on another machine: its address is for that machine alone.
-    pub(super) fn expect_this_machine(holder: &LockHolder, data: &Path) -> Result<(), Self> {
-        let own = machine_name();
-        if holder.machine.is_empty() || own.is_none_or(|own| own == holder.machine) {
-            return Ok(());
-        }
-        Err(Self::Failed(format!(
-            "the coordinator of {} runs on the machine {}: use this command there, or name the coordinator with --coordinator \
-             URL, if it was started with `serve --listen` for other machines",
+    /// The process that holds the data directory `data` is on another machine, and listens for that machine alone.
+    pub(super) fn on_another_machine(holder: &LockHolder, data: &Path) -> Self {
+        Self::Failed(format!(
+            "the coordinator of {} runs on the machine {} and listens for that machine alone: use this command there, or start the \
+             coordinator with `serve --listen 0.0.0.0:7700`",
             data.display(),
             Text::line(&holder.machine)
-        )))
+        ))
     }
 
     /// Converts an error of the store. If another process holds the data directory, the message ends with the advice `hint`.
@@ -113,8 +109,8 @@ impl From<Invalid> for CliError {
     }
 }
 
-impl From<ListenConfigError> for CliError {
-    fn from(error: ListenConfigError) -> Self {
+impl From<TlsError> for CliError {
+    fn from(error: TlsError) -> Self {
         Self::Input(error.to_string())
     }
 }

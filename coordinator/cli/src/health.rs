@@ -1,9 +1,8 @@
 //! `health`: checks whether a process answers, for container engines and scripts.
 
 use super::{CliError, Global, connection};
-use murmuration_link::{Credentials, READY, outln};
+use murmuration_link::{READY, Target, outln};
 use murmuration_store::{DataDirectory, StoreError};
-use murmuration_swarm::text::masked_url;
 use std::time::Duration;
 use tonic_health::pb::{
     HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
@@ -21,10 +20,10 @@ pub struct Health {
 
 impl Health {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let (url, credentials) = address(global)?;
-        let shown = masked_url(&url);
+        let target = target(global)?;
+        let shown = target.to_string();
         let service = if self.alive { "" } else { READY };
-        let mut client = HealthClient::new(connection::connect(&url, &credentials).await?);
+        let mut client = HealthClient::new(connection::connect(&target).await?);
         let request = HealthCheckRequest {
             service: service.to_owned(),
         };
@@ -45,15 +44,14 @@ impl Health {
     }
 }
 
-/// The address of the process named on the command line, or else of the coordinator that holds the data directory.
-fn address(global: &Global) -> Result<(String, Credentials), CliError> {
-    if let Some(url) = &global.coordinator {
-        return Ok((url.clone(), global.credentials()?));
+/// The process named on the command line, or else the coordinator that holds the data directory.
+fn target(global: &Global) -> Result<Target, CliError> {
+    if let Some(target) = global.target()? {
+        return Ok(target);
     }
     match DataDirectory::hold_existing(&global.data) {
         Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
-            CliError::expect_this_machine(&holder, &global.data)?;
-            Ok((holder.address, Credentials::default()))
+            connection::of_holder(holder, &global.data)
         }
         Err(error) => Err(error.into()),
         Ok(_) => Err(CliError::Failed(format!(

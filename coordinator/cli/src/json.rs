@@ -16,7 +16,7 @@ pub(crate) use document::Document;
 pub use kinds::{KINDS, Kind};
 pub(crate) use labels::{AddedLabels, Agreement};
 pub(crate) use machines::{
-    Certificate, Certificates, LiftedQuarantine, Quarantine, QuarantinedMachine, Token,
+    Certificate, Certificates, LiftedQuarantine, Link, Quarantine, QuarantinedMachine, Token,
 };
 pub(crate) use robots::{
     Behaviour, Evaluated, ExportedController, FilterScore, Recognised, Robots, Simulated,

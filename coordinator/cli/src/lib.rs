@@ -6,6 +6,7 @@ mod campaigns;
 mod certs;
 mod checkpoints;
 pub mod connection;
+mod contact;
 mod controller;
 mod delete;
 mod error;
@@ -19,6 +20,7 @@ mod genomes;
 mod health;
 pub mod json;
 mod labels;
+mod link;
 mod maintenance;
 pub mod next_step;
 mod quarantine;
@@ -40,7 +42,7 @@ pub use error::CliError;
 pub use run::{InProcessArgs, read_spec};
 
 use clap::{Args as _, Subcommand};
-use murmuration_link::{Credentials, CredentialsError, IdentityFiles, TrustFiles};
+use murmuration_link::{CredentialsError, IdentityFiles, Target, TrustFiles};
 use murmuration_swarm::text::masked_url;
 use std::{future::ready, path::PathBuf, pin::Pin};
 
@@ -71,26 +73,36 @@ pub struct Global {
 }
 
 impl Global {
-    /// The credentials for the coordinator that the user named.
-    fn credentials(&self) -> Result<Credentials, CredentialsError> {
-        Credentials::read(&self.trust, &IdentityFiles::default())
+    /// The coordinator that the user named by its URL or access file.
+    fn target(&self) -> Result<Option<Target>, CredentialsError> {
+        Target::named(
+            self.coordinator.as_deref(),
+            &self.trust,
+            &IdentityFiles::default(),
+        )
     }
 
     /// A command to type next: `words`, with the options that name this command's coordinator or data directory.
     pub fn next(&self, words: &str) -> String {
-        let (option, place) = match &self.coordinator {
-            Some(url) => ("coordinator", url.clone()),
-            None => ("data", self.data.display().to_string()),
+        format!("murmuration {words}{}", self.place())
+    }
+
+    /// The option that names this command's coordinator or data directory, after a space; empty if that is the default.
+    fn place(&self) -> String {
+        let (option, place) = match (&self.coordinator, &self.trust.access) {
+            (Some(url), _) => ("coordinator", url.clone()),
+            (None, Some(file)) => ("access", file.display().to_string()),
+            (None, None) => ("data", self.data.display().to_string()),
         };
         let is_default = Self::defaults(option)
             .iter()
             .flatten()
             .any(|default| *default == place);
         if is_default {
-            return format!("murmuration {words}");
+            return String::new();
         }
         let place = self.coordinator.as_deref().map_or(place, masked_url);
-        format!("murmuration {words} --{option} {}", quoted(&place))
+        format!(" --{option} {}", quoted(&place))
     }
 
     /// The values of an option that the user does not give: the environment's value, and the default.
@@ -297,6 +309,8 @@ impl DataCommand {
 pub enum ClusterCommand {
     /// Run a coordinator for workers, trainers and browsers
     Serve(serve::Serve),
+    /// Print a link that logs a browser in to a coordinator's pages
+    Link(link::LinkCommand),
     /// Create an access token and its entry in the tokens file
     Token(token::TokenCommand),
     /// Create a development CA and its certificates
@@ -311,6 +325,7 @@ impl ClusterCommand {
     fn execute(self, global: &Global) -> Execution<'_> {
         match self {
             Self::Serve(serve) => Box::pin(serve.execute(global)),
+            Self::Link(link) => Box::pin(ready(link.execute(global))),
             Self::Token(token) => Box::pin(ready(token.execute(global.json))),
             Self::Certs(certs) => Box::pin(ready(certs.execute(global.json))),
             Self::Health(health) => Box::pin(health.execute(global)),

@@ -57,7 +57,7 @@ impl ReportCommand {
         if is_done && campaign.workers == 0 && !connection.is_own() {
             errln!(
                 "waiting: the report needs a worker to simulate its behaviours, and the coordinator has none: start one with \
-                 `murmuration-worker --coordinator URL`"
+                 `murmuration-worker --access FILE`"
             );
         }
         let id = validation::id(&campaign)?;

@@ -15,7 +15,7 @@ use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
 use murmuration_proto::v1;
 use murmuration_store::{DataDirectory, StoreError};
-use murmuration_swarm::{CampaignSpec, counted, text::masked_url};
+use murmuration_swarm::{CampaignSpec, counted};
 use std::{
     path::{Path, PathBuf},
     time::Instant,
@@ -84,11 +84,9 @@ impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let spec = read_spec(&self.spec, self.seed)?;
         let in_process = self.in_process.some()?;
-        if let Some(url) = &global.coordinator {
-            let hint = format!(
-                "`run` runs the campaign in this process: for the coordinator at {} use `murmuration submit`",
-                masked_url(url)
-            );
+        if let Some(target) = global.target()? {
+            let hint =
+                format!("`run` runs the campaign in this process: for {target} use `murmuration submit`");
             return Err(CliError::Input(hint));
         }
         let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
@@ -129,7 +127,7 @@ impl Run {
                 "wait until that process has ended, or name another --data DIR",
             );
         }
-        if let Err(elsewhere) = CliError::expect_this_machine(holder, &global.data) {
+        if let Err(elsewhere) = connection::of_holder(holder.clone(), &global.data) {
             return elsewhere;
         }
         let seed = self.seed.map_or(String::new(), |seed| format!(" --seed {seed}"));

@@ -1,16 +1,20 @@
 //! `serve`: a coordinator that runs until it is stopped.
 
-use super::{CliError, Global, run::InProcessArgs};
+use super::{CliError, Global, contact::Contact, link::page_link, quoted, run::InProcessArgs};
 use clap::builder::BoolishValueParser;
 use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
-use murmuration_coordinator::{local::LocalCluster, server::Options};
+use murmuration_coordinator::{
+    local::LocalCluster,
+    server::{Options, Publication},
+};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
-use murmuration_link::{errln, machine_name, termination};
+use murmuration_link::{AccessFile, access_file_of, errln, termination};
 use murmuration_store::DataDirectory;
 use std::{
+    io::{self, IsTerminal as _},
     net::{Ipv4Addr, SocketAddr},
-    path::PathBuf,
+    path::{self, PathBuf},
 };
 
 /// Advice if another process holds the data directory.
@@ -22,7 +26,8 @@ const PORT: u16 = 7700;
 
 #[derive(Debug, clap::Args)]
 pub struct Serve {
-    /// Address to listen on; the default accepts connections from this machine only
+    /// Address to listen on; the default accepts connections from this machine only. For other machines, such as at 0.0.0.0:7700,
+    /// connections are encrypted, and the access file has what clients need
     #[arg(
         long,
         env = "MURMURATION_LISTEN",
@@ -47,13 +52,18 @@ pub struct Serve {
     /// Accept only people with a token listed in this file; `murmuration token` prints its entries
     #[arg(long, env = "MURMURATION_TOKENS", value_name = "FILE")]
     tokens: Option<PathBuf>,
-    /// Allow listening beyond this machine without encryption or tokens, for a network that you trust
+    /// Encrypt nothing without --certificate, and require no token without --tokens: everyone who can reach the coordinator may
+    /// do everything, on this machine too
     #[arg(
         long,
         env = "MURMURATION_INSECURE_LISTEN",
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
+    /// Name or address by which other machines reach this machine, for the access file [default: the address of --listen or, for
+    /// 0.0.0.0, the name of this machine]
+    #[arg(long, env = "MURMURATION_CONTACT", value_name = "HOST")]
+    contact: Option<Contact>,
     /// Largest number of requests of a cost class that are answered at the same time, in total and for one token, certificate or
     /// address; commas separate several classes. Classes: decision, bulk, light, reading, computing, streaming, stranger
     #[arg(
@@ -85,6 +95,10 @@ impl Serve {
                 audited: self.audit,
                 ..dispatch::Options::default()
             },
+            publication: Some(Publication {
+                file: global.trust.access.clone(),
+                contact: self.contact.clone().map(String::from),
+            }),
         };
         // As the first process of a container, a process without handlers ignores these signals.
         let ended = termination();
@@ -98,9 +112,10 @@ impl Serve {
             }
             cluster = started => cluster?,
         };
-        let url = self.url_for_others(cluster.coordinator().url());
-        errln!("serving {} at {url}", global.data.display());
-        self.say_how_to_reach(&url);
+        if let Some(access) = cluster.coordinator().published() {
+            errln!("serving {} at {}", global.data.display(), access.pages);
+            self.say_how_to_reach(global, access)?;
+        }
         let signal = ended.await;
         errln!("{signal}; the next `murmuration serve` continues the running campaigns");
         cluster.shutdown().await?;
@@ -113,49 +128,61 @@ impl Serve {
             _ => None,
         };
         let tokens = self.tokens.as_deref().map(Tokens::read).transpose()?;
-        let listen = ListenConfig::new(self.listen, tls, tokens, self.insecure_listen)?;
+        let listen = match self.insecure_listen {
+            true => ListenConfig::trusting(self.listen, tls, tokens),
+            false => ListenConfig::new(self.listen, tls, tokens),
+        };
         Ok(listen.with_seats(&self.seats))
     }
 
-    /// `url` with the name of this machine, if the coordinator listens on all addresses: nobody reaches it at 0.0.0.0.
-    fn url_for_others(&self, url: String) -> String {
-        let listens_everywhere = self.listen.ip().to_canonical().is_unspecified();
-        match machine_name().filter(|_| listens_everywhere) {
-            Some(machine) => ["0.0.0.0", "[::]"]
-                .iter()
-                .fold(url, |url, all| url.replacen(all, &machine, 1)),
-            None => url,
+    fn say_how_to_reach(&self, global: &Global, access: &AccessFile) -> Result<(), CliError> {
+        let by = match access.is_for_other_machines() {
+            true => {
+                let of_data = access_file_of(&global.data);
+                let file = path::absolute(global.trust.access.as_deref().unwrap_or(&of_data));
+                let file = file.map_or_else(
+                    |_| of_data.display().to_string(),
+                    |file| file.display().to_string(),
+                );
+                format!(" --access {}", quoted(&file))
+            }
+            false => global.place(),
+        };
+        let identity = match &self.client_ca {
+            Some(_) => " --certificate FILE --key FILE",
+            None => "",
+        };
+        let another = global.next("link");
+        match &access.token {
+            // A link would stay in the log of a service manager.
+            Some(_) if io::stderr().is_terminal() => errln!(
+                "  pages:     {} in a browser, once; `{another}` prints another link",
+                page_link(access)?
+            ),
+            Some(_) => errln!("  pages:     {}, by a link that `{another}` prints", access.pages),
+            None => errln!("  pages:     {} in a browser", access.pages),
         }
-    }
-
-    fn say_how_to_reach(&self, url: &str) {
-        let ca = if self.certificate.is_some() {
-            " --ca CA.pem"
-        } else {
-            ""
-        };
-        let machine = match (&self.client_ca, &self.tokens) {
-            (Some(_), _) => " --certificate FILE --key FILE",
-            (None, Some(_)) => " --token-file FILE",
-            (None, None) => "",
-        };
-        let person = if self.tokens.is_some() {
-            " --token-file FILE"
-        } else {
-            ""
-        };
-        errln!("  pages:     {url} in a browser");
-        errln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}{ca}{person}");
-        errln!("  workers:   murmuration-worker --coordinator {url}{ca}{machine}");
-        errln!("  trainers:  murmuration-trainer --coordinator {url}{ca}{machine}");
-        let beyond = !self.listen.ip().to_canonical().is_loopback();
-        if beyond && self.certificate.is_none() {
+        errln!("  campaigns: murmuration submit SPEC.toml{by}");
+        errln!("  workers:   murmuration-worker{by}{identity}");
+        errln!("  trainers:  murmuration-trainer{by}{identity}");
+        if self.certificate.is_none()
+            && let Some(fingerprint) = access.fingerprint.filter(|_| access.pages == access.coordinator)
+        {
+            errln!(
+                "  browsers will not know the coordinator's certificate, which has the fingerprint {fingerprint}"
+            );
+        }
+        if self.insecure_listen && self.certificate.is_none() {
             errln!(
                 "  warning:   connections are not encrypted: everyone on the network can read them, tokens included"
             );
         }
-        if beyond && self.tokens.is_none() {
-            errln!("  warning:   no tokens are required: everyone who can reach {url} is an operator");
+        if self.insecure_listen && self.tokens.is_none() {
+            errln!(
+                "  warning:   no tokens are required: everyone who can reach {} is an operator",
+                access.pages
+            );
         }
+        Ok(())
     }
 }

@@ -118,7 +118,7 @@ impl Default for Options {
 }
 
 /// Error text when no worker is connected.
-pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --access FILE`";
 
 /// How long [`Dispatch::while_staffed`] waits for a worker. A worker that is starting connects within this time.
 const FIRST_WORKER_TIMEOUT: Duration = Duration::from_secs(10);

@@ -1,15 +1,17 @@
-//! The endpoints of a coordinator: the requested endpoint, and an endpoint for processes of its own machine.
+//! The endpoints of a coordinator: the requested endpoint, an endpoint for commands of its own machine, and the access file by
+//! which other processes find the coordinator.
 
-use super::{Options, ServerError};
+use super::{Options, Publication, ServerError};
 use murmuration_access::{
-    Endpoint, GuardedRouter, Hosts, LocalToken, Seats, Sessions,
+    Access, Endpoint, GuardedRouter, Hosts, LocalToken, OneTimeCodes, Seats, Sessions, Tls,
     connections::{ConnectionPermits, connections},
-    limits,
+    limits, self_signed,
 };
-use murmuration_link::{Credentials, Target};
+use murmuration_link::{AccessFile, Credentials, Target, access_file_of, host_name, is_loopback};
 use murmuration_web as web;
 use std::{
-    net::{Ipv4Addr, SocketAddr},
+    net::{IpAddr, Ipv4Addr, SocketAddr},
+    path::Path,
     sync::Arc,
     time::Duration,
 };
@@ -47,57 +49,130 @@ pub(super) struct Served {
     pub(super) stopped: watch::Receiver<bool>,
 }
 
+/// The endpoints, and how to reach them.
+pub(super) struct Opened {
+    pub(super) local: LocalWay,
+    pub(super) servers: Vec<Serving>,
+    /// For processes that find the coordinator by an access file; `None` if none is to be written.
+    pub(super) published: Option<AccessFile>,
+}
+
+/// What all endpoints of a coordinator share.
+struct Shared<'a> {
+    data: &'a Path,
+    owner: LocalToken,
+    sessions: Sessions,
+    codes: OneTimeCodes,
+}
+
+impl Shared<'_> {
+    fn endpoint(&self, access: Access, hosts: Hosts, is_encrypted: bool) -> Endpoint {
+        Endpoint {
+            access,
+            sessions: self.sessions.clone(),
+            codes: self.codes.clone(),
+            hosts,
+            is_encrypted,
+            show_refusal: web::show_refusal,
+        }
+    }
+}
+
 impl Served {
-    /// Serves at the requested address and, if access is restricted, at a loopback address for this machine.
-    pub(super) async fn open(
-        self,
-        listener: TcpListener,
-        options: &Options,
-    ) -> Result<(LocalWay, Vec<Serving>), ServerError> {
+    /// Serves at the requested address and, if access is restricted, at a loopback address for this machine's commands.
+    pub(super) async fn open(self, listener: TcpListener, options: &Options) -> Result<Opened, ServerError> {
         let (config, data) = (&options.listen, options.data.path());
-        let local = LocalToken::of(data)?;
-        let (tls, access) = (config.tls(), config.access());
+        let owner = LocalToken::of(data)?;
+        let (tls, access) = (config.tls(data)?, config.access(&owner));
         let is_open = access.is_open() && tls.is_none();
         let address = listener.local_addr().map_err(|source| ServerError::Listen {
             address: config.address(),
             source,
         })?;
-        let own = local.token().digest();
+        let own = owner.token().digest();
         // Without restricted access there are no tokens to revoke.
-        let sessions = Sessions::kept(data, local.token(), |token| {
+        let sessions = Sessions::kept(data, owner.token(), |token| {
             access.tokens.is_none() || access.whose(token).is_some() || token == own
         })?;
-        let endpoint = Endpoint {
-            access,
-            sessions: sessions.clone(),
-            hosts: config.hosts(),
-            is_encrypted: tls.is_some(),
-            show_refusal: web::show_refusal,
+        let shared = Shared {
+            data,
+            codes: OneTimeCodes::new(owner.token()),
+            owner,
+            sessions,
         };
-        let mut servers = vec![self.at(listener, tls, endpoint, ConnectionPermits::of_this_process())?];
-        let way = if is_open {
+        let permits = ConnectionPermits::of_this_process();
+        let hosts = config.hosts(&access);
+        let endpoint = shared.endpoint(access, hosts, tls.is_some());
+        let mut servers =
+            vec![self.at(listener, tls.as_ref().map(Tls::config), endpoint, permits.clone())?];
+        let local = if is_open {
             LocalWay {
                 url: url(address, false),
                 credentials: Credentials::default(),
             }
         } else {
             let (listener, address) = listen((Ipv4Addr::LOCALHOST, 0).into()).await?;
-            let endpoint = Endpoint {
-                access: local.access(),
-                sessions,
-                hosts: Hosts::Any,
-                is_encrypted: false,
-                show_refusal: web::show_refusal,
-            };
+            let endpoint = shared.endpoint(shared.owner.access(), Hosts::Any, false);
             // Separate permits let this machine's commands connect even if other machines have taken all connections.
-            let permits = ConnectionPermits::of_this_machine();
-            servers.push(self.at(listener, None, endpoint, permits)?);
+            servers.push(self.at(listener, None, endpoint, ConnectionPermits::of_this_machine())?);
             LocalWay {
                 url: url(address, false),
-                credentials: Credentials::token(local.token().clone()),
+                credentials: Credentials::token(shared.owner.token().clone()),
             }
         };
-        Ok((way, servers))
+        let published = match &options.publication {
+            Some(publication) => {
+                let pages = publication.url(address, tls.is_some());
+                let (access, server) = self
+                    .published(&shared, pages, address.ip(), tls, is_open, permits)
+                    .await?;
+                servers.extend(server);
+                Some(access)
+            }
+            None => None,
+        };
+        Ok(Opened {
+            local,
+            servers,
+            published,
+        })
+    }
+
+    /// The access file for a coordinator with these `pages`. The owner's token is sent only over encrypted connections, or on a
+    /// network that the user trusts: after the end of a coordinator, another user of this machine could listen at its port. So a
+    /// coordinator that listens on loopback without encryption gets a further, encrypted endpoint.
+    async fn published(
+        &self,
+        shared: &Shared<'_>,
+        pages: String,
+        ip: IpAddr,
+        tls: Option<Tls>,
+        is_open: bool,
+        permits: ConnectionPermits,
+    ) -> Result<(AccessFile, Option<Serving>), ServerError> {
+        let mut access = AccessFile {
+            coordinator: pages.clone(),
+            pages,
+            fingerprint: tls.as_ref().map(Tls::fingerprint),
+            name: tls.as_ref().and_then(Tls::own_name),
+            token: (!is_open).then(|| shared.owner.token().clone()),
+        };
+        if is_open || tls.is_some() || !ip.to_canonical().is_loopback() {
+            return Ok((access, None));
+        }
+        let tls = self_signed(shared.data)?;
+        // Clients that stay, such as Python's, then reach the next coordinator too.
+        let former = former_port(shared.data);
+        let (listener, address) = match listen((ip, former).into()).await {
+            Ok(listening) => listening,
+            Err(_) => listen((ip, 0).into()).await?,
+        };
+        access.coordinator = url(address, true);
+        access.fingerprint = Some(tls.fingerprint());
+        access.name = tls.own_name();
+        let endpoint = shared.endpoint(shared.owner.access(), Hosts::Any, true);
+        let server = self.at(listener, Some(tls.config()), endpoint, permits)?;
+        Ok((access, Some(server)))
     }
 
     fn at(
@@ -132,6 +207,35 @@ impl Served {
             });
         Ok(tokio::spawn(serving))
     }
+}
+
+impl Publication {
+    /// The URL by which others reach a coordinator that listens at `address`.
+    fn url(&self, address: SocketAddr, is_encrypted: bool) -> String {
+        let is_everywhere = address.ip().to_canonical().is_unspecified();
+        let host = match &self.contact {
+            Some(contact) => Some(contact.clone()),
+            None if is_everywhere => host_name(),
+            None => None,
+        };
+        match host {
+            Some(host) => {
+                let scheme = if is_encrypted { "https" } else { "http" };
+                format!("{scheme}://{host}:{}", address.port())
+            }
+            None => url(address, is_encrypted),
+        }
+    }
+}
+
+/// The port of the encrypted endpoint of the coordinator before; 0 if there was none.
+fn former_port(data: &Path) -> u16 {
+    let former = AccessFile::read(&access_file_of(data));
+    let port = former.ok().and_then(|access| {
+        let port = access.coordinator.rsplit_once(':')?.1.parse().ok()?;
+        (is_loopback(&access.coordinator) && access.coordinator != access.pages).then_some(port)
+    });
+    port.unwrap_or(0)
 }
 
 /// A listener, and its address.

@@ -124,6 +124,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/glossary", VIEWER, Light, glossary::page)
         .get("/login", Nothing, Light, login::page)
         .post("/login", Nothing, Light, login::log_in)
+        .get("/open", Nothing, Light, login::open)
         .post("/logout", Nothing, Light, login::log_out)
         .get("/events", VIEWER, Streaming, live::campaigns)
         .get("/play", VIEWER, Reading, play::page)

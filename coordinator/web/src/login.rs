@@ -14,7 +14,7 @@ use axum::{
     },
     response::{IntoResponse, Redirect, Response},
 };
-use maud::{Markup, html};
+use maud::{DOCTYPE, Markup, html};
 use murmuration_access::{Endpoint, Refusal, RequestHead};
 use murmuration_engine::blocking::blocking;
 use murmuration_link::TokenDigest;
@@ -25,6 +25,15 @@ use std::{sync::Arc, time::SystemTime};
 #[derive(Deserialize)]
 pub(super) struct Given {
     token: String,
+    #[serde(default)]
+    to: Destination,
+}
+
+/// The query of a link that logs in.
+#[derive(Deserialize)]
+pub(super) struct Opening {
+    #[serde(default)]
+    code: String,
     #[serde(default)]
     to: Destination,
 }
@@ -107,10 +116,71 @@ pub(super) async fn log_in(
         );
         return (StatusCode::UNAUTHORIZED, page).into_response();
     }
+    let to = Redirect::to(&given.to.0).into_response();
+    with_session(endpoint, headers, token, to).await
+}
+
+/// Opens a session for the code of a link that the owner's command printed.
+///
+/// The answer is a page that leads to the pages: a browser that follows a link of another site, such as a notebook's, sends the new
+/// cookie only with requests that begin on a page of this coordinator.
+pub(super) async fn open(
+    method: Method,
+    Extension(endpoint): Extension<Arc<Endpoint>>,
+    Query(Opening { code, to }): Query<Opening>,
+    headers: HeaderMap,
+) -> Response {
+    if endpoint.access.tokens.is_none() {
+        return Redirect::to("/").into_response();
+    }
+    if method == Method::HEAD {
+        // Programs that preview links must not use them up.
+        return StatusCode::OK.into_response();
+    }
+    match endpoint.codes.redeem(&code, SystemTime::now()) {
+        Some(owner) => with_session(endpoint, headers, owner, onward(&to)).await,
+        // A browser that loads the page again is logged in already.
+        None if endpoint.logged_in(&headers).is_some() => onward(&to),
+        None => {
+            let content = html! {
+                h1 { "This link has been used" }
+                p.lead { "A link works once, for 15 minutes, and until the coordinator restarts. " code { "murmuration link" }
+                    " prints a new link; type it in the folder where the coordinator was started." }
+                p { a href="/login" { "Log in with a token" } }
+            };
+            let page = layout("Log in", &Visitor::ANYBODY, content);
+            (StatusCode::UNAUTHORIZED, [(CACHE_CONTROL, "no-store")], page).into_response()
+        }
+    }
+}
+
+/// A page that leads to another one.
+fn onward(to: &Destination) -> Response {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="refresh" content={ "0;url=" (to.0) };
+                title { "Murmuration" }
+            }
+            body { p { a href=(to.0) { "Go on" } } }
+        }
+    };
+    ([(CACHE_CONTROL, "no-store")], page).into_response()
+}
+
+/// Opens a session for the bearer of a token. The answer also has the session's cookie.
+async fn with_session(
+    endpoint: Arc<Endpoint>,
+    headers: HeaderMap,
+    token: TokenDigest,
+    answer: Response,
+) -> Response {
     let (sessions, is_encrypted) = (endpoint.sessions.clone(), endpoint.is_encrypted);
     let opened = blocking(move || {
-        let jar = sessions.log_in(&headers, token, is_encrypted, SystemTime::now());
-        Ok::<_, PageError>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
+        let jar = sessions.log_in(&headers, token, is_encrypted, sessions.now());
+        Ok::<_, PageError>(hidden((jar?, answer).into_response()))
     });
     match opened.await {
         Ok(Ok(answer)) => answer,
@@ -145,7 +215,8 @@ fn hidden(mut answer: Response) -> Response {
 fn form(to: &Destination, error: &str) -> Markup {
     html! {
         h1 { "Log in" }
-        p.lead { "Enter the token that the operator of this coordinator gave you." }
+        p.lead { "Enter the token that the operator of this coordinator gave you. Is the coordinator yours? Then "
+            code { "murmuration link" } ", typed in the folder where you started it, prints a link that logs you in." }
         form.who method="post" action="/login" {
             input type="hidden" name="to" value=(to.0);
             label { "Token "

@@ -2,7 +2,7 @@
 
 use super::{
     AddedLabels, Agreement, Backup, Certificates, Deletion, Digest, Doctor, Document, Evaluated, Export,
-    ExportedController, FilterScore, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run,
+    ExportedController, FilterScore, LiftedQuarantine, Link, Quarantine, Recognised, Report, Robots, Run,
     Simulated, Taxonomy, Token, schema_of,
 };
 use murmuration_proto::v1;
@@ -29,7 +29,7 @@ impl Kind {
 }
 
 /// The kinds of documents that the client's commands print.
-pub const KINDS: [Kind; 25] = [
+pub const KINDS: [Kind; 26] = [
     Kind::of::<Document<'_, v1::Campaign>>(
         "campaign",
         "A campaign and its progress: list, show, watch, submit, pause, cancel, import",
@@ -62,6 +62,7 @@ pub const KINDS: [Kind; 25] = [
         "lifted-quarantine",
         "The machine that left quarantine: quarantine --lift",
     ),
+    Kind::of::<Link>("link", "A link to the pages of a coordinator: link"),
     Kind::of::<Token>("token", "A new token: token"),
     Kind::of::<Certificates>("certificates", "New certificates: certs"),
 ];

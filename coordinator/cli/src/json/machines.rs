@@ -28,6 +28,13 @@ pub(crate) struct LiftedQuarantine {
     pub(crate) lifted: String,
 }
 
+/// A link to the pages of a coordinator.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Link {
+    /// Address for a browser. It works once if the coordinator requires tokens.
+    pub(crate) link: String,
+}
+
 /// A new token.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Token {

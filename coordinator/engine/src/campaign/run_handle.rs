@@ -35,7 +35,7 @@ impl Availability {
     }
 
     pub(super) const fn trainers(connected: watch::Receiver<usize>) -> Self {
-        let missing = "no trainer is connected: start one with `murmuration-trainer --coordinator URL`";
+        let missing = "no trainer is connected: start one with `murmuration-trainer --access FILE`";
         Self::new(connected, missing)
     }
 
@@ -276,11 +276,7 @@ mod tests {
         let begun = Instant::now();
         let mut after = |seconds: u64| availability.missing(begun + Duration::from_secs(seconds));
         assert_eq!((after(0), after(1)), (None, None));
-        assert!(
-            after(2)
-                .unwrap()
-                .contains("murmuration-trainer --coordinator URL")
-        );
+        assert!(after(2).unwrap().contains("murmuration-trainer --access FILE"));
         count.send_replace(1);
         assert_eq!(after(3), None);
         // A worker that only restarts is not reported as missing.

@@ -84,7 +84,7 @@ fn is_denied(answer: &Answer) -> bool {
 
 /// A coordinator with `--insecure-listen`, open to everyone who can reach it.
 async fn trusting(data: &Path) -> Cluster {
-    let listen = ListenConfig::new(([0, 0, 0, 0], 0).into(), None, None, true).unwrap();
+    let listen = ListenConfig::trusting(([0, 0, 0, 0], 0).into(), None, None);
     Cluster::start_at(data, 0, listen).await
 }
 

@@ -1,5 +1,6 @@
 //! Tests of access control: certificates, tokens, the log-in, secrets in the output of processes, and limits.
 
+mod access_file;
 mod endpoints;
 mod limits;
 mod machines;
@@ -93,7 +94,7 @@ impl Secrets {
         )
         .unwrap();
         let tokens = Tokens::read(&self.path("tokens.toml")).unwrap();
-        let listen = ListenConfig::new(([127, 0, 0, 1], 0).into(), Some(tls), Some(tokens), false).unwrap();
+        let listen = ListenConfig::new(([127, 0, 0, 1], 0).into(), Some(tls), Some(tokens));
         Cluster::start_at(&self.path("data"), workers, listen).await
     }
 

@@ -89,16 +89,17 @@ impl BenchCampaign {
     ) -> Result<Self, CliError> {
         let options = Options {
             data: DataDirectory::hold(folder.path())?,
-            listen: ListenConfig::loopback(0),
+            listen: ListenConfig::open(0),
             resume: false,
             checkpoints: None,
             tries_checkpoints: false,
             dispatch: dispatch::Options::default(),
+            publication: None,
         };
         let cluster = LocalCluster::start(options, in_process).await?;
         let bench = Self { folder, cluster };
         if let Some(model) = model {
-            let channel = connection::connect(&bench.way().url, &bench.way().credentials).await?;
+            let channel = connection::connect(&bench.way().target()).await?;
             let parts = Lineage::default().publish_requests(&model);
             let mut client = CheckpointServiceClient::new(channel);
             client.publish_checkpoint(tokio_stream::iter(parts)).await?;
@@ -142,7 +143,7 @@ impl BenchCampaign {
         spec: &CampaignSpec,
         mut pause: impl FnMut(&v1::Campaign) -> Option<Duration>,
     ) -> Result<Finished, CliError> {
-        let channel = connection::connect(&self.way().url, &self.way().credentials).await?;
+        let channel = connection::connect(&self.way().target()).await?;
         let mut client = CampaignServiceClient::new(channel);
         let (begun, cpu) = (Instant::now(), process_cpu());
         let request = v1::CreateCampaignRequest {
