@@ -1,7 +1,8 @@
 //! A whole cluster in one process: a coordinator, its workers and trainers, connected by gRPC over loopback.
 
 use crate::server::{Coordinator, Options, ServerError};
-use murmuration_link::{Health, Leaving, errln};
+use murmuration_embed::checkpoint_folder;
+use murmuration_link::{Health, Leaving, OnLost, Target, errln, process_name};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
 use std::{fmt::Display, num::NonZeroUsize, time::Duration};
@@ -102,6 +103,29 @@ impl LocalCluster {
         }
         self.coordinator.shutdown().await
     }
+}
+
+/// Works for the coordinator `target`, with this number of threads, until `stop` becomes true or the coordinator has ended. Gives up
+/// if there is no coordinator for as long as `on_lost` says.
+///
+/// # Errors
+/// If the coordinator refuses the worker, or is lost.
+pub async fn work_for(
+    target: Target,
+    threads: NonZeroUsize,
+    on_lost: OnLost,
+    stop: watch::Receiver<bool>,
+) -> Result<(), worker::WorkerError> {
+    let options = worker::Options {
+        coordinator: target,
+        name: process_name("worker"),
+        local_address: None,
+        health: Health::new(),
+        leaving: Leaving::when_lost(on_lost),
+        threads,
+        cache: checkpoint_folder(),
+    };
+    worker::run(options, stop).await
 }
 
 fn spawn<E: Display>(run: impl Future<Output = Result<(), E>> + Send + 'static) -> JoinHandle<()> {

@@ -6,7 +6,7 @@ use super::{CliError, Global};
 use murmuration_access::{ListenConfig, local_token};
 use murmuration_coordinator::{
     local::{InProcess, LocalCluster},
-    server::Options,
+    server::{Options, Publication},
 };
 use murmuration_dispatch as dispatch;
 use murmuration_link::{
@@ -62,7 +62,7 @@ impl Connection {
         let begun = Instant::now();
         loop {
             match hold(&global.data) {
-                Ok(data) => return Self::start(global, data, in_process).await,
+                Ok(data) => return Self::start(global, data, in_process, None).await,
                 Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                     return Self::to(&of_holder(holder, &global.data)?).await;
                 }
@@ -74,16 +74,25 @@ impl Connection {
         }
     }
 
-    /// Starts a coordinator over a data directory that this process holds.
-    async fn start(global: &Global, data: DataDirectory, in_process: InProcess) -> Result<Self, CliError> {
+    /// Starts a coordinator over a data directory that this process holds; with a `publication`, for other machines too.
+    async fn start(
+        global: &Global,
+        data: DataDirectory,
+        in_process: InProcess,
+        publication: Option<Publication>,
+    ) -> Result<Self, CliError> {
+        let address = match &publication {
+            Some(_) => Ipv4Addr::UNSPECIFIED,
+            None => Ipv4Addr::LOCALHOST,
+        };
         let options = Options {
             data,
-            listen: ListenConfig::new((Ipv4Addr::LOCALHOST, 0).into(), None, None),
+            listen: ListenConfig::new((address, 0).into(), None, None),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: in_process != InProcess::NONE,
             dispatch: dispatch::Options::default(),
-            publication: None,
+            publication,
         };
         let own = LocalCluster::start(options, in_process).await?;
         let way = own.coordinator().local().clone();
@@ -162,7 +171,21 @@ pub async fn with_own<T>(
     in_process: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    Connection::start(global, data, in_process)
+    Connection::start(global, data, in_process, None)
+        .await?
+        .asked(ask)
+        .await
+}
+
+/// Starts a coordinator as [`with_own`] does, which other machines find by the access files of the `publication`.
+pub(super) async fn with_launched<T>(
+    global: &Global,
+    data: DataDirectory,
+    in_process: InProcess,
+    publication: Publication,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    Connection::start(global, data, in_process, Some(publication))
         .await?
         .asked(ask)
         .await

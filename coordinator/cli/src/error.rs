@@ -29,6 +29,10 @@ pub enum CliError {
     Input(String),
     /// Failure of a valid request: exit code 1.
     Failed(String),
+    /// A signal ended the command: exit code 1.
+    Interrupted(String),
+    /// A signal ended a command that its launcher is to start again: exit code 75, as of sysexits.h.
+    TryAgain(String),
     /// Standard output cannot be written.
     Output(OutputError),
 }
@@ -82,8 +86,9 @@ impl CliError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Output(error) => error.exit_code(),
-            Self::Failed(_) => ExitCode::from(1),
+            Self::Failed(_) | Self::Interrupted(_) => ExitCode::from(1),
             Self::Input(_) => ExitCode::from(2),
+            Self::TryAgain(_) => ExitCode::from(75),
         }
     }
 }
@@ -91,7 +96,10 @@ impl CliError {
 impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input(message) | Self::Failed(message) => f.write_str(message),
+            Self::Input(message)
+            | Self::Failed(message)
+            | Self::Interrupted(message)
+            | Self::TryAgain(message) => f.write_str(message),
             Self::Output(error) => error.fmt(f),
         }
     }

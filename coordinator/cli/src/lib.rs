@@ -20,6 +20,7 @@ mod genomes;
 mod health;
 pub mod json;
 mod labels;
+mod launch;
 mod link;
 mod maintenance;
 pub mod next_step;
@@ -151,9 +152,13 @@ impl Command {
         ]
     }
 
-    /// Whether the command is a server. Servers log their work, other commands only errors.
-    pub const fn is_server(&self) -> bool {
-        matches!(self, Self::Cluster(ClusterCommand::Serve(_)))
+    /// Whether the command is a server or a worker. Servers and workers log their work, other commands only errors.
+    pub fn logs_its_work(&self) -> bool {
+        match self {
+            Self::Cluster(ClusterCommand::Serve(_)) => true,
+            Self::Campaigns(CampaignCommand::Run(run)) => run.works_for_another(),
+            _ => false,
+        }
     }
 
     pub fn execute(self, global: &Global) -> Execution<'_> {

@@ -5,7 +5,9 @@ use super::{
     connection::{self, Connection},
     files::read_words,
     follow::{Show, follow, stage_name},
-    json, next_step, quoted,
+    json,
+    launch::{Launch, TogetherArgs, is_interrupted},
+    next_step, quoted,
     report::write_report,
     validation::{self, get_digest, validated},
 };
@@ -18,8 +20,16 @@ use murmuration_store::{DataDirectory, StoreError};
 use murmuration_swarm::{CampaignSpec, counted};
 use std::{
     path::{Path, PathBuf},
-    time::Instant,
+    pin::Pin,
+    time::{Duration, Instant},
 };
+
+/// Ready with the name of a signal that ends this process.
+type Ended = Pin<Box<dyn Future<Output = &'static str> + Send>>;
+
+/// Longest wait of a launch for its data directory.
+const HOLD_WAIT: Duration = Duration::from_secs(60);
+const HOLD_PAUSE: Duration = Duration::from_millis(100);
 
 #[derive(Debug, clap::Args)]
 pub struct Run {
@@ -30,6 +40,8 @@ pub struct Run {
     seed: Option<u64>,
     #[command(flatten)]
     in_process: InProcessArgs,
+    #[command(flatten)]
+    together: TogetherArgs,
 }
 
 #[derive(Debug, clap::Args)]
@@ -82,24 +94,82 @@ impl InProcessArgs {
 
 impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let spec = read_spec(&self.spec, self.seed)?;
+        // A signal that arrives early counts too.
+        let mut ended: Ended = Box::pin(termination());
+        let spec = read_spec(&self.spec, self.seed);
+        let launch = match &spec {
+            Ok(spec) => self.together.launch(spec, global)?,
+            // All processes of a launch find the same error.
+            Err(_) => None,
+        };
+        let spec = spec?;
+        match launch {
+            Some(launch) if !launch.coordinates() => launch.work(self.in_process.workers).await,
+            Some(launch) => {
+                let mut held = false;
+                match self
+                    .coordinate(&spec, global, Some(&launch), &mut ended, &mut held)
+                    .await
+                {
+                    // The launcher starts the processes again, and they go on.
+                    Err(CliError::Interrupted(message)) => Err(CliError::TryAgain(message)),
+                    run => {
+                        launch.end(held);
+                        run
+                    }
+                }
+            }
+            None => self.coordinate(&spec, global, None, &mut ended, &mut false).await,
+        }
+    }
+
+    /// Whether this process works for another process of its launch, which runs the campaign.
+    pub(super) fn works_for_another(&self) -> bool {
+        self.together.works_for_another()
+    }
+
+    /// Runs the campaign in a coordinator of this process, until it has its report or the future `ended` is ready. Sets `held` once
+    /// this process holds the data directory.
+    async fn coordinate(
+        &self,
+        spec: &CampaignSpec,
+        global: &Global,
+        launch: Option<&Launch>,
+        ended: &mut Ended,
+        held: &mut bool,
+    ) -> Result<(), CliError> {
         let in_process = self.in_process.some()?;
         if let Some(target) = global.target()? {
             let hint =
                 format!("`run` runs the campaign in this process: for {target} use `murmuration submit`");
             return Err(CliError::Input(hint));
         }
-        let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
+        let holding = match launch {
+            Some(_) => tokio::select! {
+                holding = hold_soon(&global.data) => holding,
+                signal = &mut *ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
+            },
+            None => DataDirectory::hold(&global.data),
+        };
+        let data = holding.map_err(|error| self.in_use(error, global))?;
+        *held = true;
         if spec.space().embeds() {
             // A missing ONNX Runtime must be reported now, not after the simulation of the dataset.
             Runtime::load()?;
         }
         let run = async |connection: &mut Connection| {
             let request = v1::CreateCampaignRequest {
-                campaign: Some(v1::create_campaign_request::Campaign::Spec((&spec).into())),
+                campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
+                request_id: launch.map(Launch::request_id).unwrap_or_default(),
                 ..v1::CreateCampaignRequest::default()
             };
-            let campaign = validated(connection.client.create_campaign(request).await?)?;
+            let mut campaign = validated(connection.client.create_campaign(request).await?)?;
+            if launch.is_some() && is_interrupted(&campaign) {
+                let request = v1::ResumeCampaignRequest {
+                    campaign: campaign.id.clone(),
+                };
+                campaign = validated(connection.client.resume_campaign(request).await?)?;
+            }
             errln!(
                 "campaign {} · {} · {} · {} · {}",
                 campaign.id,
@@ -108,16 +178,19 @@ impl Run {
                 counted(spec.evaluations(), "evaluation"),
                 counted(in_process.workers as u64, "worker"),
             );
-            to_report(connection, global, &campaign.id).await
+            to_report(connection, global, &campaign.id, ended).await
         };
-        let reported = connection::with_own(global, data, in_process, run).await?;
+        let reported = match launch {
+            None => connection::with_own(global, data, in_process, run).await?,
+            Some(launch) => {
+                connection::with_launched(global, data, in_process, launch.publication(), run).await?
+            }
+        };
         Ok(reported.print(global)?)
     }
-}
 
-impl Run {
     /// Error if another process holds the data directory, with the advice to submit the campaign to that process.
-    fn held(&self, error: StoreError, global: &Global) -> CliError {
+    fn in_use(&self, error: StoreError, global: &Global) -> CliError {
         let StoreError::InUse { holder, .. } = &error else {
             return error.into();
         };
@@ -138,6 +211,19 @@ impl Run {
             error,
             &format!("to submit the campaign to that process: {submit}"),
         )
+    }
+}
+
+/// Holds a data directory, which a short command or the same launch before may still hold.
+async fn hold_soon(data: &Path) -> Result<DataDirectory, StoreError> {
+    let begun = Instant::now();
+    loop {
+        match DataDirectory::hold(data) {
+            Err(StoreError::InUse { .. }) if begun.elapsed() < HOLD_WAIT => {
+                tokio::time::sleep(HOLD_PAUSE).await;
+            }
+            held => return held,
+        }
     }
 }
 
@@ -174,7 +260,10 @@ pub(super) async fn go_on(
     let changed = async |connection: &mut Connection| {
         let campaign = change(connection).await?;
         let reported = match connection.is_own() {
-            true => Some(to_report(connection, global, &campaign.id).await?),
+            true => {
+                let mut ended: Ended = Box::pin(termination());
+                Some(to_report(connection, global, &campaign.id, &mut ended).await?)
+            }
             false => None,
         };
         Ok((campaign, reported))
@@ -239,11 +328,12 @@ async fn to_report(
     connection: &mut Connection,
     global: &Global,
     campaign: &str,
+    ended: &mut Ended,
 ) -> Result<Reported, CliError> {
     let begun = Instant::now();
     let (digest, report) = tokio::select! {
         last = follow(&mut connection.client, campaign, Show::Person) => finish(connection, global, last?).await?,
-        signal = termination() => return Err(CliError::Failed(format!(
+        signal = ended => return Err(CliError::Interrupted(format!(
             "{signal}; complete generations are kept; next: {}",
             global.next(&format!("resume {campaign}"))
         ))),

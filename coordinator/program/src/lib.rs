@@ -179,7 +179,7 @@ fn completions(shell: clap_complete::Shell, as_json: bool) -> Result<(), CliErro
 
 /// Whether the command is a server. Servers log what they do, other commands only errors.
 fn is_server(command: &Command) -> bool {
-    matches!(command, Command::Client(command) if command.is_server())
+    matches!(command, Command::Client(command) if command.logs_its_work())
 }
 
 fn tell(is_server: bool) -> Telemetry {
