@@ -22,13 +22,14 @@ use serde_json::{Map, Value};
 use std::{collections::BTreeSet, fmt::Write as _, fs, path::PathBuf, process};
 
 /// Patterns and their replacements.
-const FILTERS: [(&str, &str); 14] = [
+const FILTERS: [(&str, &str); 15] = [
     (r"/[^\s\x22':,]*/\.tmp[A-Za-z0-9]+(/work)?", "[folder]"),
     (r"\b[0-9a-f]{64}\b", "[digest]"),
     (r"\b[0-9a-f]{12}\b", "[digest]"),
     (r"\bmur_[A-Za-z0-9_-]+", "[token]"),
     (r"\d{4}-\d\d-\d\dT[0-9:.]+Z", "[time]"),
     (r"127\.0\.0\.1:\d{2,}", "127.0.0.1:[port]"),
+    (r"/open\?code=[A-Za-z0-9_-]+", "/open?code=[code]"),
     (r"\b[0-9.]+ s; open", "[seconds] s; open"),
     (r#""seconds":[0-9.e-]+"#, r#""seconds":[seconds]"#),
     (r#"_ms":\d+"#, r#"_ms":[time]"#),

@@ -127,11 +127,8 @@ fn label_file(channels: &str) -> String {
             genes.join(",")
         )
     };
-    head + &["ring", "ring", "clump"]
-        .into_iter()
-        .enumerate()
-        .map(row)
-        .collect::<String>()
+    let rows = ["ring", "ring", "clump"].into_iter().enumerate().map(row);
+    head + rows.collect::<String>().as_str()
 }
 
 #[test]

@@ -248,7 +248,14 @@ async fn a_lease_is_one_trace_on_coordinator_and_worker() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(folder.path());
     let mut coordinator = murmuration.start_with(
-        &["serve", "--workers", "0", "--listen", "127.0.0.1:0"],
+        &[
+            "serve",
+            "--workers",
+            "0",
+            "--listen",
+            "127.0.0.1:0",
+            "--insecure-listen",
+        ],
         &variables,
     );
     let message = coordinator.wait_for("serving ");

@@ -314,7 +314,7 @@ async fn what_takes_workers_says_at_once_that_there_are_none() {
     cluster.stop().await;
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let browser = Browser::at(&cluster);
-    let expected = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+    let expected = "no worker is connected: start one with `murmuration-worker --access FILE`";
     let begun = Instant::now();
     for (path, begins) in [
         ("/campaigns/small-1/report", "<!DOCTYPE html>"),

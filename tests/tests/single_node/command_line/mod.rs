@@ -5,6 +5,7 @@ mod commands;
 mod errors;
 mod output;
 mod serving;
+mod together;
 
 use murmuration_tests::{Finished, Murmuration, small_spec};
 use std::fs;

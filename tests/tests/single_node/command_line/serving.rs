@@ -8,11 +8,7 @@ use std::{fs, process::Command, thread, time::Duration};
 #[test]
 fn a_second_process_is_told_who_holds_the_data_directory() {
     let desk = Desk::new();
-    let mut serving = desk
-        .murmuration
-        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "1"]);
-    let line = serving.wait_for("serving");
-    let url = line.rsplit(' ').next().unwrap().to_owned();
+    let (serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "1"]);
     let spec = desk.path("small.toml");
     let refused = desk.murmuration.run(&["run", &spec, "--seed", "7"]);
     assert_eq!(refused.code, Some(1));
@@ -87,9 +83,7 @@ fn a_second_signal_ends_what_the_first_waits_for() {
 fn pause_resume_and_cancel_survive_the_coordinator() {
     let desk = Desk::new();
     let spec = desk.path("small.toml");
-    let serve = ["serve", "--listen", "127.0.0.1:0", "--workers", "0"];
-    let mut serving = desk.murmuration.start(&serve);
-    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    let (serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
     desk.check(
         &["submit", &spec],
         0,
@@ -157,14 +151,11 @@ fn workers_of_their_own_processes_come_and_go() {
     let spec = desk.path("small.toml");
     let undisturbed = desk.murmuration.run(&["run", &spec, "--json"]).last_line()["digest"].clone();
 
-    let mut serving = desk
-        .murmuration
-        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "0"]);
-    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    let (_serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
     let mut waits = desk.murmuration.start(&["report", "small-1"]);
     let told = waits.wait_for("waiting");
     assert!(
-        told.contains("start one with `murmuration-worker --coordinator URL`"),
+        told.contains("start one with `murmuration-worker --access FILE`"),
         "{told}"
     );
     let leaves = start_worker(&url);
@@ -196,7 +187,11 @@ fn a_command_on_another_machine_is_told_where_the_coordinator_runs() {
         &["run", &spec],
         &["health"],
     ] {
-        desk.check(command, 1, "runs on the machine node-7: use this command there");
+        desk.check(
+            command,
+            1,
+            "runs on the machine node-7 and listens for that machine alone: use this command there",
+        );
     }
 }
 
@@ -256,7 +251,7 @@ fn a_campaign_says_who_is_missing_to_go_on() {
     let page = |url: &str| murmuration_tests::page(&format!("{url}/campaigns/small-1"));
     let waits = |latest: &Value, program: &str| {
         let message = latest["waiting"].as_str().unwrap();
-        message.contains(&format!("start one with `{program} --coordinator URL`"))
+        message.contains(&format!("start one with `{program} --access FILE`"))
     };
     let mut workers = Vec::new();
     for (program, peer, comes) in [

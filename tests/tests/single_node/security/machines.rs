@@ -157,10 +157,10 @@ async fn what_machines_fetch_is_for_machines() {
     };
     // For callers with permission, the error is that the lease is not theirs, or that the checkpoint does not exist.
     assert_eq!(fetch(&trainer).await, (Code::PermissionDenied, Code::NotFound));
-    assert_eq!(fetch(&operator).await, (Code::Unauthenticated, Code::NotFound));
+    assert_eq!(fetch(&operator).await, (Code::PermissionDenied, Code::NotFound));
     assert_eq!(
         fetch(&nobody).await,
-        (Code::Unauthenticated, Code::Unauthenticated)
+        (Code::PermissionDenied, Code::Unauthenticated)
     );
     cluster.stop().await;
 }

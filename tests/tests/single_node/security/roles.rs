@@ -62,6 +62,7 @@ async fn strangers_get_the_log_in_and_health_alone_and_viewers_change_nothing() 
         "GET /assets/{name}",
         "GET /healthz",
         "GET /login",
+        "GET /open",
         "GET /readyz",
         "POST /login",
         "POST /logout",

@@ -124,9 +124,7 @@ async fn a_shutdown_waits_for_nobody_who_reads_or_watches() {
     fs::write(&spec, small_spec("").to_toml()).unwrap();
     let spec = spec.display().to_string();
     assert_eq!(murmuration.run(&["run", &spec]).code, Some(0));
-    let mut serving = murmuration.start(&["serve", "--listen", "127.0.0.1:0", "--workers", "0"]);
-    let line = serving.wait_for("serving");
-    let url = line.rsplit(' ').next().unwrap().to_owned();
+    let (serving, url) = murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
     assert_eq!(murmuration.run(&["submit", &spec]).code, Some(0));
     let mut client = CampaignServiceClient::connect(url.clone()).await.unwrap();
     let mut watching = Vec::new();
