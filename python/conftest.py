@@ -46,4 +46,6 @@ def names(
         return
     monkeypatch.chdir(tmp_path)
     client = request.getfixturevalue("client")
-    doctest_namespace.update(mm=mm, client=client, campaign=client.campaign("example-1"), spec=SPEC)
+    doctest_namespace.update(
+        mm=mm, client=client, campaign=client.campaign("example-1"), spec=SPEC, token=client._token
+    )

@@ -69,7 +69,7 @@ def _holding_itself() -> dict[str, object]:
         (lambda client, campaign: mm.local(""), "data"),
         (lambda client, campaign: mm.connect("http://127.0.0.1:103961"), "url"),
         (lambda client, campaign: mm.connect("http://127.0.0.1"), "url"),
-        (lambda client, campaign: mm.connect(None), "url"),  # type: ignore[arg-type]
+        (lambda client, campaign: mm.connect(5), "url"),  # type: ignore[arg-type]
         (lambda client, campaign: mm.connect("http://a\ud800:80"), "url"),
         (lambda client, campaign: mm.connect("HTTPS://127.0.0.1:7700"), "ca"),
         (lambda client, campaign: mm.connect(client.url, ca=5), "ca"),  # type: ignore[arg-type]

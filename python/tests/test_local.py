@@ -100,7 +100,8 @@ def test_who_has_the_data_directory_is_said(tmp_path: Path) -> None:
     with mm.local(tmp_path, workers=0, trainers=0) as client:
         with pytest.raises(mm.ProgramError) as refused:
             mm.local(tmp_path, workers=0, trainers=0)
-        assert f'murmuration.connect("{client.url}")' in str(refused.value)
+        assert f'murmuration.connect(access="{tmp_path / "access.json"}")' in str(refused.value)
+        assert client.campaigns() == []
 
 
 @contextlib.contextmanager

@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from . import _answers as answers
 from . import _programs as programs_
+from ._access import Access, default_file
+from ._access import read as read_access
 from ._arguments import flag, path, read, text, toml, whole, word
 from ._campaign import Campaign
 from ._cluster import Cluster
@@ -35,7 +37,7 @@ class Client:
     At its end, a `with` statement closes the connection. In the examples, `client` is a `Client`.
 
     Attributes:
-        url: The URL of the coordinator, for a browser and for `--coordinator` of commands.
+        url: The URL of the coordinator, for programs. Browsers need a `link`.
         rpc: The contract's methods, for requests that the library does not offer.
     """
 
@@ -45,14 +47,19 @@ class Client:
         *,
         ca: Path | None = None,
         token: str | None = None,
+        access: Access | None = None,
+        file: Path | None = None,
         programs: str | os.PathLike[str] | None = None,
         cluster: Cluster | None = None,
     ) -> None:
-        """Use `local` or `connect` instead."""
+        """Use `local` or `connect` instead. `access` is that of the coordinator's owner."""
         self.url = url
         self._ca, self._token, self._programs, self._cluster = ca, token, programs, cluster
-        trusted = ca.read_bytes() if ca else None
-        self.rpc = Connection(url, trusted, token, cluster.why if cluster else str)
+        self._access, self._file = access, file
+        pinned = access.certificate() if access and not ca else None
+        trusted = ca.read_bytes() if ca else pinned
+        name = access.name if access and pinned else None
+        self.rpc = Connection(url, trusted, token, cluster.why if cluster else str, name)
 
     def __enter__(self) -> Client:
         return self
@@ -64,8 +71,22 @@ class Client:
         return f"Client({self.url!r})"
 
     def _repr_html_(self) -> str:
-        url = html.escape(self.url)
-        return f'<a href="{url}" target="_blank">{url}</a>'
+        return f'<a href="{html.escape(self.link())}" target="_blank">{html.escape(self.url)}</a>'
+
+    def link(self, page: str = "/") -> str:
+        """The address of a page, for a browser.
+
+        If `local` started the coordinator, or an access file names it, the address logs the browser in. It works once,
+        for 15 minutes.
+
+        Example:
+            >>> client.link().startswith("http://127.0.0.1:")
+            True
+        """
+        page = text("page", page)
+        if not page.startswith("/"):
+            raise InvalidError.of("page", page, "a path that begins with /")
+        return self._access.link(page) if self._access else self.url + page
 
     def close(self) -> None:
         """Closes the connection. A cluster that `local` started ends, which interrupts its running campaigns."""
@@ -291,11 +312,12 @@ class Client:
         words = tuple(word(one) for one in words)
         if words[:1] == ("serve",):
             raise InvalidError("`murmuration serve` is a coordinator of its own: `murmuration.local` starts one")
+        place = ["--access", os.fspath(self._file)] if self._file else ["--coordinator", self.url]
         trust = ["--ca", os.fspath(self._ca)] if self._ca else []
         variables = {"MURMURATION_TOKEN": self._token} if self._token else {}
         program = programs_.find(self._programs)
         try:
-            return programs_.run(program, [*words, "--coordinator", self.url, *trust], variables)
+            return programs_.run(program, [*words, *place, *trust], variables)
         except UnavailableError as error:
             raise self.rpc.explained(error) from None
 
@@ -334,40 +356,55 @@ def local(
     folder = Path(path("data", data)).absolute() if data is not None else None
     program = programs_.find(programs)
     cluster = Cluster(program, folder, workers, trainers)
-    return Client(cluster.url, token=cluster.token, programs=program.parent, cluster=cluster)
+    access = Access(cluster.url, cluster.url, token=cluster.token)
+    return Client(cluster.url, token=cluster.token, access=access, programs=program.parent, cluster=cluster)
 
 
 def connect(
-    url: str,
+    url: str | None = None,
     *,
+    access: str | os.PathLike[str] | None = None,
     ca: str | os.PathLike[str] | None = None,
     token: str | None = None,
     programs: str | os.PathLike[str] | None = None,
 ) -> Client:
     """Connects to a coordinator.
 
+    Without arguments, this finds the coordinator of the folder `murmuration-data`, or of the file or data directory
+    that `MURMURATION_ACCESS` or `MURMURATION_DATA` names.
+
     Args:
         url: `http://HOST:PORT` or `https://HOST:PORT`.
+        access: The access file that `murmuration serve` wrote, instead of a URL.
         ca: File with the certificate (PEM) of the authority that signed the coordinator's certificate, for https.
         token: Your token, if the coordinator asks for one.
         programs: The folder of the program `murmuration`, which reads campaign files and writes reports; by default
             pip's folder for programs, or else the PATH.
 
     Raises:
-        InvalidError: If the URL or the token is malformed, or `ca` is missing.
-        OSError: If the certificate cannot be read.
+        InvalidError: If the URL, the token or the access file is malformed, or `ca` is missing.
+        OSError: If the certificate or the access file cannot be read.
         UnavailableError: If no coordinator answers within 30 seconds.
         RefusedError: If the coordinator does not accept the token.
 
     Example:
-        >>> with mm.connect(client.url) as another:
+        >>> with mm.connect(client.url, token=token) as another:
         ...     another.campaign("example-1").state
         'completed'
     """
+    found: Access | None = None
+    file: Path | None = None
+    if url is None:
+        file = (Path(path("access", access)) if access is not None else default_file()).absolute()
+        found = read_access(file)
+        url, token = found.coordinator, token or found.token
+    elif access is not None:
+        raise InvalidError.of("access", str(access), "left out where a URL is given")
     url = text("url", url)
-    if url.lower().startswith("https://") and ca is None:
+    if found is None and url.lower().startswith("https://") and ca is None:
         raise InvalidError.of("ca", None, "the file of a certificate, where the URL begins with https://")
-    client = Client(url, ca=Path(path("ca", ca)).absolute() if ca is not None else None, token=token, programs=programs)
+    authority = Path(path("ca", ca)).absolute() if ca is not None else None
+    client = Client(url, ca=authority, token=token, access=found, file=file, programs=programs)
     try:
         client._found("latest", _SECONDS_TO_ANSWER)
     except NotFoundError:

@@ -147,8 +147,9 @@ def _instead(data: Path) -> str:
         os.kill(int(str(holder.get("process"))), 0)
     except (OSError, OverflowError, ValueError):
         return ""
-    address = holder.get("address")
-    return f'\nuse the coordinator that has it: murmuration.connect("{address}")' if address else ""
+    if not holder.get("address"):
+        return ""
+    return f'\nuse the coordinator that has it: murmuration.connect(access="{data / "access.json"}")'
 
 
 def _token(data: Path) -> str | None:

@@ -35,13 +35,20 @@ _OPTIONS = [
 class Connection:
     """A connection to one coordinator."""
 
-    def __init__(self, url: str, ca: bytes | None, token: str | None, why: Callable[[], str]) -> None:
-        """Connects at the first call. `why` returns what is known about a coordinator that does not answer."""
+    def __init__(
+        self, url: str, ca: bytes | None, token: str | None, why: Callable[[], str], name: str | None = None
+    ) -> None:
+        """Connects at the first call.
+
+        `why` returns what is known about a coordinator that does not answer. `name` is the name in the coordinator's
+        certificate, if it is not the host of the URL.
+        """
         scheme, address = _address(url)
         if scheme == "http":
             self._channel = grpc.insecure_channel(address, options=_OPTIONS)
         else:
-            self._channel = grpc.secure_channel(address, grpc.ssl_channel_credentials(ca), options=_OPTIONS)
+            options = [*_OPTIONS, ("grpc.ssl_target_name_override", name)] if name else _OPTIONS
+            self._channel = grpc.secure_channel(address, grpc.ssl_channel_credentials(ca), options=options)
         self._metadata = (("authorization", f"Bearer {_token(token)}"),) if token else ()
         self._url, self._why = url, why
         self._is_closed = False
