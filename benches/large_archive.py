@@ -72,7 +72,7 @@ def serving(programs, data, workers, campaign):
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         address = "127.0.0.1:%d" % listener.getsockname()[1]
-    command = [programs / "murmuration", "serve", "--data", data, "--listen", address, "--workers", str(workers)]
+    command = [programs / "murmuration", "serve", "--data", data, "--listen", address, "--insecure-listen", "--workers", str(workers)]
     begun = time.perf_counter()
     process = subprocess.Popen([str(part) for part in command], stderr=subprocess.DEVNULL)
     try:
