@@ -5,6 +5,7 @@ use murmuration_embed::checkpoint_folder;
 use murmuration_link::{Health, Leaving, OnLost, Target, errln, process_name};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
+pub use murmuration_worker::client::WorkerError;
 use std::{fmt::Display, num::NonZeroUsize, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 
@@ -115,7 +116,7 @@ pub async fn work_for(
     threads: NonZeroUsize,
     on_lost: OnLost,
     stop: watch::Receiver<bool>,
-) -> Result<(), worker::WorkerError> {
+) -> Result<(), WorkerError> {
     let options = worker::Options {
         coordinator: target,
         name: process_name("worker"),

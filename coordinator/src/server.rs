@@ -21,7 +21,7 @@ use murmuration_engine::{
     space::Spaces,
     synthetic::SyntheticAnnotator,
 };
-use murmuration_link::{AccessFile, access_file_of, machine_name};
+use murmuration_link::{AccessFile, TokenDigest, access_file_of, machine_name};
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
@@ -371,27 +371,30 @@ impl Coordinator {
 }
 
 impl Options {
-    /// The places of the access file.
-    fn access_files(&self) -> Vec<PathBuf> {
+    /// The places of the access file, with the owner of the access files that may be replaced there. No other coordinator uses the
+    /// data directory, so its own access file may be replaced whatever its owner.
+    fn access_files(&self) -> Result<Vec<(PathBuf, Option<TokenDigest>)>, StoreError> {
         let Some(publication) = &self.publication else {
-            return Vec::new();
+            return Ok(Vec::new());
         };
-        let own = access_file_of(self.data.path());
-        publication.file.clone().into_iter().chain([own]).collect()
+        let owner = LocalToken::of(self.data.path())?.token().digest();
+        let of_user = publication.file.clone().map(|path| (path, Some(owner)));
+        let own = (access_file_of(self.data.path()), None);
+        Ok(of_user.into_iter().chain([own]).collect())
     }
 
     fn check_access_files(&self) -> Result<(), StoreError> {
-        let owner = LocalToken::of(self.data.path())?;
-        let token = self.listen.access(&owner).owner;
-        self.access_files().iter().try_for_each(|path| {
-            AccessFile::expect_no_other(path, token)
+        let files = self.access_files()?;
+        files.iter().try_for_each(|(path, owner)| {
+            AccessFile::expect_no_other(path, *owner)
                 .map_err(|error| StoreError::from_io(error, "write the access file", path))
         })
     }
 
     fn write_access_files(&self, access: &AccessFile) -> Result<(), StoreError> {
-        self.access_files().iter().try_for_each(|path| {
-            let written = access.write(path);
+        let files = self.access_files()?;
+        files.iter().try_for_each(|(path, owner)| {
+            let written = access.write(path, *owner);
             written.map_err(|error| StoreError::from_io(error, "write the access file", path))
         })
     }

@@ -2,9 +2,13 @@
 
 use super::{CliError, Global, contact::Contact};
 use clap::builder::BoolishValueParser;
-use murmuration_coordinator::{local::work_for, server::Publication};
+use murmuration_coordinator::{
+    local::{WorkerError, work_for},
+    server::Publication,
+};
 use murmuration_link::{
-    AccessFile, Credentials, OnLost, Rank, Target, cores, errln, host_name, rank, termination,
+    AccessFile, AccessFileError, Credentials, LinkError, OnLost, Rank, Target, cores, errln, host_name, rank,
+    termination,
 };
 use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
@@ -160,7 +164,17 @@ impl Launch {
             stop.send_replace(true);
         });
         let worked = work_for(target, threads, OnLost::RetryFor(PATIENCE), stopped).await;
-        worked.map_err(CliError::failed)
+        match (worked, AccessFile::read(&self.access)) {
+            (Ok(()), Err(AccessFileError::Ended { .. })) => Ok(()),
+            // The launcher starts the processes again, and they go on.
+            (Ok(()), _) => Err(CliError::TryAgain("the campaign has not ended yet".to_owned())),
+            (Err(WorkerError::Link(LinkError::Lost { .. })), _) => Err(CliError::Failed(format!(
+                "the first process of the launch has not begun within {} minutes: all processes need the same campaign file, seed and \
+                 data directory; with --together=false, each runs a campaign of its own",
+                PATIENCE.as_secs() / 60
+            ))),
+            (Err(error), _) => Err(CliError::failed(error)),
+        }
     }
 }
 

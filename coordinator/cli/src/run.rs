@@ -146,7 +146,7 @@ impl Run {
         }
         let holding = match launch {
             Some(_) => tokio::select! {
-                holding = hold_soon(&global.data) => holding,
+                holding = hold_within(HOLD_WAIT, &global.data) => holding,
                 signal = &mut *ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
             },
             None => DataDirectory::hold(&global.data),
@@ -214,12 +214,12 @@ impl Run {
     }
 }
 
-/// Holds a data directory, which a short command or the same launch before may still hold.
-async fn hold_soon(data: &Path) -> Result<DataDirectory, StoreError> {
+/// Holds a data directory, which a short command or the same launch before may still hold, within this time.
+pub(super) async fn hold_within(limit: Duration, data: &Path) -> Result<DataDirectory, StoreError> {
     let begun = Instant::now();
     loop {
         match DataDirectory::hold(data) {
-            Err(StoreError::InUse { .. }) if begun.elapsed() < HOLD_WAIT => {
+            Err(StoreError::InUse { .. }) if begun.elapsed() < limit => {
                 tokio::time::sleep(HOLD_PAUSE).await;
             }
             held => return held,

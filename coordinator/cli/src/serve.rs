@@ -1,6 +1,12 @@
 //! `serve`: a coordinator that runs until it is stopped.
 
-use super::{CliError, Global, contact::Contact, link::page_link, quoted, run::InProcessArgs};
+use super::{
+    CliError, Global,
+    contact::Contact,
+    link::page_link,
+    quoted,
+    run::{InProcessArgs, hold_within},
+};
 use clap::builder::BoolishValueParser;
 use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
 use murmuration_coordinator::{
@@ -10,17 +16,19 @@ use murmuration_coordinator::{
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
 use murmuration_link::{AccessFile, access_file_of, errln, termination};
-use murmuration_store::DataDirectory;
 use std::{
     io::{self, IsTerminal as _},
     net::{Ipv4Addr, SocketAddr},
     path::{self, PathBuf},
+    time::Duration,
 };
 
 /// Advice if another process holds the data directory.
 const ONE_COORDINATOR: &str =
     "only one coordinator can use a data directory: stop that process first, or name another --data DIR";
 
+/// Longest wait for a short command that holds the data directory.
+const HOLD_WAIT: Duration = Duration::from_secs(3);
 /// Default port of coordinators.
 const PORT: u16 = 7700;
 
@@ -83,8 +91,9 @@ pub struct Serve {
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let listen = self.listen_config()?;
-        let data =
-            DataDirectory::hold(&global.data).map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
+        let data = hold_within(HOLD_WAIT, &global.data)
+            .await
+            .map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
             data,
             listen,

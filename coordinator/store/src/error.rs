@@ -114,11 +114,8 @@ pub enum StoreError {
         /// Message of SQLite or the system.
         reason: String,
     },
-    /// Another process writes to the database, and has not finished for two seconds.
-    #[error(
-        "another program has locked {path}: once it has finished, campaigns go on by themselves; the refused request changed \
-         nothing: repeat it"
-    )]
+    /// Another process writes to the database, and has not finished in time.
+    #[error("another program has locked {path}: nothing was changed; try again once it has finished")]
     Locked { path: PathBuf },
     /// The file, its folder or its disk is read-only.
     #[error(

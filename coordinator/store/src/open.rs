@@ -10,12 +10,15 @@ use std::{
     fs, io,
     os::unix::ffi::OsStrExt as _,
     path::{Path, PathBuf},
+    time::Duration,
 };
 use tempfile::TempPath;
 
 /// Largest database, in bytes, whose structure is checked at every opening. The check takes half a second if the database is in
 /// memory.
 const CHECKED_BYTES: u64 = 1 << 30;
+/// Longest wait of a change for another program that has locked the database.
+const LOCK_LIMIT: Duration = Duration::from_millis(500);
 
 /// Size of a log, in bytes, above which the store shortens the log. Overlapping readers can keep SQLite from restarting the log.
 pub(super) const LONG_LOG: u64 = if cfg!(test) { 1 << 20 } else { 64 << 20 };
@@ -56,7 +59,7 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
     connection
         .execute_batch(
             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
-             PRAGMA busy_timeout = 2000;",
+             PRAGMA busy_timeout = 5000;",
         )
         .and_then(|()| connection.pragma_update(None, "journal_size_limit", LONG_LOG.cast_signed()))
         .map_err(named)?;
@@ -70,6 +73,8 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
         // The log of the conversion can be as long as the database. After this, the next change restarts it.
         shorten_log(&connection).map_err(named)?;
     }
+    // Changes wait for one connection, one after the other.
+    connection.busy_timeout(LOCK_LIMIT).map_err(named)?;
     Ok(connection)
 }
 

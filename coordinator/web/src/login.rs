@@ -131,7 +131,7 @@ pub(super) async fn open(
     headers: HeaderMap,
 ) -> Response {
     if endpoint.access.tokens.is_none() {
-        return Redirect::to("/").into_response();
+        return Redirect::to(&to.0).into_response();
     }
     if method == Method::HEAD {
         // Programs that preview links must not use them up.
@@ -143,8 +143,8 @@ pub(super) async fn open(
         None if endpoint.logged_in(&headers).is_some() => onward(&to),
         None => {
             let content = html! {
-                h1 { "This link has been used" }
-                p.lead { "A link works once, for 15 minutes, and until the coordinator restarts. " code { "murmuration link" }
+                h1 { "This link does not work" }
+                p.lead { "A link works once, for 15 minutes after it was printed, and until the coordinator restarts. " code { "murmuration link" }
                     " prints a new link; type it in the folder where the coordinator was started." }
                 p { a href="/login" { "Log in with a token" } }
             };

@@ -397,7 +397,9 @@ def connect(
     if url is None:
         file = (Path(path("access", access)) if access is not None else default_file()).absolute()
         found = read_access(file)
-        url, token = found.coordinator, token or found.token
+        if token is not None:
+            raise InvalidError.of("token", None, "left out where an access file names the coordinator")
+        url, token = found.coordinator, found.token
     elif access is not None:
         raise InvalidError.of("access", str(access), "left out where a URL is given")
     url = text("url", url)

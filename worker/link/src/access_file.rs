@@ -10,10 +10,12 @@ use ring::digest::{SHA256, SHA256_OUTPUT_LEN, digest};
 use serde::{Deserialize, Serialize};
 use std::{
     fmt::{self, Write as _},
+    fs,
     io::{self, Write as _},
     net::IpAddr,
     path::{Path, PathBuf},
     str::FromStr,
+    time::SystemTime,
 };
 
 /// The contents of an access file.
@@ -43,8 +45,12 @@ pub enum AccessFileError {
     #[error("{} is not an access file of a coordinator: {reason}", path.display())]
     Other { path: PathBuf, reason: String },
     /// The coordinator has ended for good.
-    #[error("the coordinator of {} has ended", .0.display())]
-    Ended(PathBuf),
+    #[error("the coordinator of {} has ended", path.display())]
+    Ended {
+        path: PathBuf,
+        /// When the file was written, if the system knows.
+        at: Option<SystemTime>,
+    },
 }
 
 impl AccessFileError {
@@ -96,7 +102,10 @@ impl AccessFile {
         expect_regular(path).map_err(unread)?;
         let text = read_text(path, InputKind::Access).map_err(unread)?;
         if let Ok(Stored::Ended { ended: true }) = serde_json::from_str(&text) {
-            return Err(AccessFileError::Ended(path.to_owned()));
+            return Err(AccessFileError::Ended {
+                path: path.to_owned(),
+                at: fs::metadata(path).and_then(|about| about.modified()).ok(),
+            });
         }
         serde_json::from_str(&text).map_err(|error| AccessFileError::Other {
             path: path.to_owned(),
@@ -104,12 +113,13 @@ impl AccessFile {
         })
     }
 
-    /// Writes an access file that only its owner can read. Replaces only an access file.
+    /// Writes an access file that only its owner can read. Replaces only an access file, with a token of this `owner` if one is
+    /// given.
     ///
     /// # Errors
-    /// The system's error, or an error if another file is there.
-    pub fn write(&self, path: &Path) -> io::Result<()> {
-        Self::expect_no_other(path, self.token.as_ref().map(Token::digest))?;
+    /// The errors of [`AccessFile::expect_no_other`], or the system's error.
+    pub fn write(&self, path: &Path, owner: Option<TokenDigest>) -> io::Result<()> {
+        Self::expect_no_other(path, owner)?;
         replace(path, &Stored::Listens(self.clone()))
     }
 
@@ -118,23 +128,28 @@ impl AccessFile {
     /// # Errors
     /// The errors of [`AccessFile::write`].
     pub fn end(path: &Path) -> io::Result<()> {
-        let token = Self::read(path).ok().and_then(|found| found.token);
-        Self::expect_no_other(path, token.as_ref().map(Token::digest))?;
+        Self::expect_no_other(path, None)?;
         replace(path, &Stored::Ended { ended: true })
     }
 
-    /// Checks that [`AccessFile::write`] would replace no other file, and no access file of a coordinator with another token than
-    /// `owner`'s.
+    /// Checks that [`AccessFile::write`] would replace no other file and, if an `owner` is given, no access file with a token of
+    /// another owner.
     ///
     /// # Errors
     /// If another file is there, or the system cannot determine what is there.
     pub fn expect_no_other(path: &Path, owner: Option<TokenDigest>) -> io::Result<()> {
         match Self::read(path) {
-            Ok(found) if found.token.as_ref().map(Token::digest) != owner => {
+            Ok(found)
+                if owner.is_some()
+                    && found
+                        .token
+                        .as_ref()
+                        .is_some_and(|token| Some(token.digest()) != owner) =>
+            {
                 let others = "it is the access file of another coordinator: remove it, or name another file with --access";
                 Err(io::Error::new(io::ErrorKind::AlreadyExists, others))
             }
-            Ok(_) | Err(AccessFileError::Ended(_)) => Ok(()),
+            Ok(_) | Err(AccessFileError::Ended { .. }) => Ok(()),
             Err(error) if error.is_missing() => Ok(()),
             Err(AccessFileError::Unread { source, .. }) => Err(source),
             Err(_) => {
@@ -247,7 +262,6 @@ impl FromStr for Fingerprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
     use std::os::unix::fs::PermissionsExt as _;
 
     fn example() -> AccessFile {
@@ -265,9 +279,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("access.json");
         let written = example();
-        written.write(&path).unwrap();
+        written.write(&path, None).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
-        written.write(&path).unwrap();
+        written.write(&path, None).unwrap();
         let mode = fs::metadata(&path).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
         let read = AccessFile::read(&path).unwrap();
@@ -276,12 +290,23 @@ mod tests {
         let digest = |file: &AccessFile| file.token.as_ref().map(Token::digest);
         assert_eq!(digest(&read), digest(&written));
         AccessFile::end(&path).unwrap();
-        assert!(matches!(AccessFile::read(&path), Err(AccessFileError::Ended(_))));
-        written.write(&path).unwrap();
-        assert!(AccessFile::read(&path).is_ok());
+        assert!(matches!(
+            AccessFile::read(&path),
+            Err(AccessFileError::Ended { at: Some(_), .. })
+        ));
+        let owner = digest(&written);
+        written.write(&path, owner).unwrap();
         // The workers of another coordinator would lose it.
-        let error = example().write(&path).unwrap_err().to_string();
+        let other = example();
+        let error = other.write(&path, digest(&other)).unwrap_err().to_string();
         assert!(error.contains("of another coordinator"), "{error}");
+        // A coordinator without tokens has the same owner.
+        let open = AccessFile {
+            token: None,
+            ..example()
+        };
+        open.write(&path, owner).unwrap();
+        written.write(&path, owner).unwrap();
     }
 
     #[test]
@@ -295,11 +320,11 @@ mod tests {
                 error.contains("notes.json") && !error.contains("swordfish"),
                 "{error}"
             );
-            let error = example().write(&path).unwrap_err().to_string();
+            let error = example().write(&path, None).unwrap_err().to_string();
             assert!(error.contains("another file"), "{error}");
             assert_eq!(fs::read_to_string(&path).unwrap(), foreign);
         }
-        assert!(example().write(folder.path()).is_err());
+        assert!(example().write(folder.path(), None).is_err());
         let pipe = folder.path().join("pipe");
         assert!(
             std::process::Command::new("mkfifo")
@@ -308,7 +333,7 @@ mod tests {
                 .unwrap()
                 .success()
         );
-        assert!(AccessFile::read(&pipe).is_err() && example().write(&pipe).is_err());
+        assert!(AccessFile::read(&pipe).is_err() && example().write(&pipe, None).is_err());
     }
 
     #[test]

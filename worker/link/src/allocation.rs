@@ -57,11 +57,13 @@ const PARALLEL: [Launcher; 3] = [
     ),
 ];
 
+const ARRAY_TASK: &str = "SLURM_ARRAY_TASK_ID";
+
 /// Launchers whose processes may have nothing to do with each other: nodes of PBS, and indices of array jobs.
 const SEPARATE: [Launcher; 6] = [
     launcher("PBS_NODENUM", None, &["PBS_JOBID"]),
     Launcher {
-        number: "SLURM_ARRAY_TASK_ID",
+        number: ARRAY_TASK,
         first: Some("SLURM_ARRAY_TASK_MIN"),
         count: Some("SLURM_ARRAY_TASK_COUNT"),
         launch: &["SLURM_ARRAY_JOB_ID"],
@@ -132,7 +134,9 @@ fn rank_among(variable: impl Fn(&str) -> Option<String>) -> Option<Rank> {
             None => 1,
         };
         let first = launcher.first.and_then(&number).unwrap_or_default();
-        let launch = words(launcher.launch).map(|launch| match variable(RESTARTS) {
+        // Each task of an array has a count of its own.
+        let restarts = variable(RESTARTS).filter(|_| launcher.number != ARRAY_TASK);
+        let launch = words(launcher.launch).map(|launch| match restarts {
             Some(restarts) => format!("{launch}-{restarts}"),
             None => launch,
         });
@@ -276,6 +280,7 @@ mod tests {
             ("SLURM_ARRAY_TASK_ID", "11"),
             ("SLURM_ARRAY_TASK_MIN", "10"),
             ("SLURM_ARRAY_TASK_COUNT", "5"),
+            ("SLURM_RESTART_COUNT", "1"),
         ];
         assert_eq!(of(&array), Some((1, "7".to_owned(), false)));
         let aws = [

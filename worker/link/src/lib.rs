@@ -45,7 +45,7 @@ use std::{
     hash::{BuildHasher as _, Hasher as _, RandomState},
     io,
     net::{IpAddr, SocketAddr},
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 use tokio::sync::watch;
 use tonic::{Code, Status, service::interceptor::InterceptedService, transport::Endpoint};
@@ -172,7 +172,7 @@ impl Address {
         };
         match address.find() {
             Err(CredentialsError::AccessFile(error))
-                if error.is_missing() || matches!(error, AccessFileError::Ended(_)) =>
+                if error.is_missing() || matches!(error, AccessFileError::Ended { .. }) =>
             {
                 Ok(address)
             }
@@ -239,6 +239,8 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
+/// How much later than its workers a coordinator may begin to listen.
+const LATE_START: Duration = Duration::from_secs(90);
 /// A connection that lasts this long is not one of a series of failures.
 const LASTING: Duration = Duration::from_secs(10);
 
@@ -283,7 +285,9 @@ pub async fn keep(
         };
         let error = match ended {
             Ok(()) => return Ok(()),
-            Err(Broken::NotFound(CredentialsError::AccessFile(AccessFileError::Ended(_)))) => {
+            Err(Broken::NotFound(CredentialsError::AccessFile(AccessFileError::Ended { at, .. })))
+                if lost.ended_now(at) =>
+            {
                 tracing::info!(
                     name = address.name,
                     coordinator,
@@ -329,6 +333,8 @@ struct Lost {
     on_lost: OnLost,
     had_a_connection: bool,
     since: Instant,
+    /// The start of the process.
+    started: SystemTime,
 }
 
 impl Lost {
@@ -337,12 +343,18 @@ impl Lost {
             on_lost,
             had_a_connection: false,
             since: Instant::now(),
+            started: SystemTime::now(),
         }
     }
 
     fn was_connected(&mut self) {
         self.had_a_connection = true;
         self.since = Instant::now();
+    }
+
+    /// Whether a coordinator that ended at this time is the one that this process waits for, and not one before it.
+    fn ended_now(&self, at: Option<SystemTime>) -> bool {
+        self.had_a_connection || at.is_some_and(|at| at > self.started) || self.since.elapsed() >= LATE_START
     }
 
     fn is_for_good(&self) -> bool {

@@ -231,6 +231,12 @@ fn an_access_file_replaces_only_an_access_file() {
     assert_eq!(worker.wait(), Some(1));
     let none = owner.murmuration.run(&["link"]);
     check_refused(&none, "`murmuration serve` writes it");
+    // A coordinator can require no tokens for a while.
+    for more in [["--insecure-listen"].as_slice(), &[], &["--insecure-listen"]] {
+        let place = owner.text("elsewhere.json");
+        let (serving, _) = owner.serve(&[&["--access", &place], more].concat());
+        assert_eq!(serving.terminate(), Some(0));
+    }
     let both = ["list", "--access", &notes, "--coordinator", "http://127.0.0.1:1"];
     check_refused(
         &from_elsewhere(&both),
