@@ -242,7 +242,7 @@ pub trait Peer {
 /// How much later than its workers a coordinator may begin to listen.
 const LATE_START: Duration = Duration::from_secs(90);
 /// A connection that lasts this long is not one of a series of failures.
-const LASTING: Duration = Duration::from_secs(10);
+const LASTING: Duration = Duration::from_secs(2);
 
 /// Keeps `peer` connected until `stop` becomes true and the peer has left, or until the coordinator has been lost for as long as
 /// [`OnLost`] says. Reports to `health` whether the peer is connected.
