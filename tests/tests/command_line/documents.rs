@@ -132,8 +132,14 @@ pub fn of_the_page_on_operations() {
     Script::of("docs/operations.md")
         .replace("127.0.0.1:7700", format!("127.0.0.1:{coordinator}"))
         .replace("127.0.0.1:7701", format!("127.0.0.1:{worker}"))
-        .rule("docker compose", NotRun("tests/tests/containers starts this cluster"))
-        .rule("export MURMURATION_COORDINATOR", NotRun("there are no containers here"))
+        .rule(
+            "docker compose",
+            NotRun("tests/tests/containers starts this cluster"),
+        )
+        .rule(
+            "export MURMURATION_COORDINATOR",
+            NotRun("there are no containers here"),
+        )
         .rule("murmuration submit", NotRun("there are no containers here"))
         .rule("murmuration watch", NotRun("there are no containers here"))
         .rule("kubectl", NotRun("there is no Kubernetes here"))
@@ -148,7 +154,7 @@ pub fn of_the_page_on_operations() {
                 "if [ ${#stays[@]} = 0 ]; then\n\
                  murmuration serve --workers 0 --listen 127.0.0.1:7700 >\"$DESK/serve.log\" 2>&1 &\n\
                  stay serve.log pages:\n\
-                 MURMURATION_HEALTH=127.0.0.1:7701 murmuration-worker --coordinator http://127.0.0.1:7700 >\"$DESK/worker.log\" 2>&1 &\n\
+                 MURMURATION_HEALTH=127.0.0.1:7701 murmuration-worker >\"$DESK/worker.log\" 2>&1 &\n\
                  stay worker.log connected\n\
                  fi",
             ),

@@ -3,7 +3,7 @@
 use crate::{
     documents::{CONTROLLERS, FILM, NO_ENCODER},
     script::{
-        Rule::{self, Before, NotRun, Stays},
+        Rule::{self, Before, NotRun},
         Script, free_port,
     },
 };
@@ -15,13 +15,12 @@ const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
 /// Rules for examples, by the beginning of the example.
-const RULES: [(&str, Rule); 22] = [
+const RULES: [(&str, Rule); 21] = [
     (
         "murmuration run examples/quick.toml",
         NotRun("the README has it too"),
     ),
     ("murmuration resume latest", Before("interrupted small.toml")),
-    ("murmuration serve", Stays("pages:")),
     (
         "murmuration certs certs --host swarm.example --worker",
         Before("mv certs other-certs"),
