@@ -1,6 +1,7 @@
 //! The data directory: one process holds it at a time, and writes its address there for other processes.
 
 use super::{LockHolder, StoreError};
+use murmuration_files::{expect_own_file, expect_regular};
 use std::{
     fs,
     io::{self, Read as _, Seek as _, Write as _},
@@ -60,15 +61,9 @@ impl DataDirectory {
         let lock_path = path.join(Self::LOCK);
         // In another user's folder, the lock file could be a link to any file of this user, and this process would overwrite that
         // file.
-        if fs::symlink_metadata(&lock_path).is_ok_and(|about| about.is_symlink()) {
-            let link = io::Error::other("it is a link to another place: remove it");
-            return Err(failed("open the lock file", &lock_path)(link));
-        }
-        expect_regular(&lock_path).map_err(failed("open the lock file", &lock_path))?;
-        #[cfg(unix)]
-        if fs::metadata(&lock_path).is_ok_and(|about| std::os::unix::fs::MetadataExt::nlink(&about) > 1) {
-            let link = io::Error::other("it is a hard link, so another file would change with it: remove it");
-            return Err(failed("open the lock file", &lock_path)(link));
+        match expect_own_file(&lock_path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            checked => checked.map_err(failed("open the lock file", &lock_path))?,
         }
         if super::find_database(&path.join(super::Store::FILE)).is_ok_and(|found| !found) {
             expect_ours(&lock_path).map_err(failed("use the lock file", &lock_path))?;
@@ -117,8 +112,7 @@ impl DataDirectory {
             path: lock_path.clone(),
             source,
         };
-        expect_regular(&lock_path).map_err(failed)?;
-        let lock = match fs::File::open(&lock_path) {
+        let lock = match expect_regular(&lock_path).and_then(|()| fs::File::open(&lock_path)) {
             Ok(lock) => lock,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(failed(error)),
@@ -184,14 +178,6 @@ fn create_private(path: &Path) -> io::Result<()> {
     match folder.create(path) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => Ok(()),
         created => created,
-    }
-}
-
-/// Refuses a lock file that is a folder, a pipe or a device: opening a pipe would wait for ever.
-fn expect_regular(lock: &Path) -> io::Result<()> {
-    match fs::metadata(lock) {
-        Ok(about) if !about.is_file() => Err(io::Error::other("it is not a regular file: remove it")),
-        _ => Ok(()),
     }
 }
 
