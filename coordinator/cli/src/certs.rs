@@ -89,11 +89,11 @@ impl FromStr for MachineName {
 
 /// A host that a certificate can name: an address, or a DNS name, which can begin with the wildcard `*.`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Host(String);
+pub(super) struct Host(String);
 
 /// Why a text is not a [`Host`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-enum HostError {
+pub enum HostError {
     #[error(
         "must be a DNS name in ASCII such as swarm.example, or an address such as 192.168.0.7, without scheme, port or \
          brackets"
@@ -130,8 +130,12 @@ impl FromStr for Host {
 }
 
 impl Host {
+    pub(super) fn is_wildcard(&self) -> bool {
+        self.0.starts_with("*.")
+    }
+
     /// The host in the form for a URL.
-    fn in_url(&self) -> String {
+    pub(super) fn in_url(&self) -> String {
         match self.0.parse() {
             Ok(IpAddr::V6(address)) => format!("[{address}]"),
             _ => self.0.clone(),

@@ -1,32 +1,45 @@
 //! The name of this machine for other machines, as a user gives it.
 
-use std::{net::IpAddr, str::FromStr};
+use super::certs::{Host, HostError};
+use std::str::FromStr;
 
-/// A host name or address for other machines.
+/// A host name or address, as in a URL: an IPv6 address has brackets.
 #[derive(Debug, Clone)]
 pub struct Contact(String);
 
 impl FromStr for Contact {
-    type Err = &'static str;
+    type Err = HostError;
 
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if let Ok(address) = text.parse::<IpAddr>() {
-            return Ok(Self(match address {
-                IpAddr::V4(address) => address.to_string(),
-                IpAddr::V6(address) => format!("[{address}]"),
-            }));
-        }
-        let is_in_one = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
-        match !text.is_empty() && text.len() <= 253 && text.bytes().all(is_in_one) {
-            true => Ok(Self(text.to_owned())),
-            false => Err("must be a host name or an address, without a port"),
+    fn from_str(text: &str) -> Result<Self, HostError> {
+        let host: Host = text.parse()?;
+        match host.is_wildcard() {
+            true => Err(HostError::NoHost),
+            false => Ok(Self(host.in_url())),
         }
     }
 }
 
 impl From<Contact> for String {
-    /// The host, as in a URL.
     fn from(contact: Contact) -> Self {
         contact.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_contact_is_one_host() {
+        for (text, host) in [
+            ("node-7.cluster", "node-7.cluster"),
+            ("10.0.0.7", "10.0.0.7"),
+            ("2001:db8::1", "[2001:db8::1]"),
+        ] {
+            assert_eq!(String::from(text.parse::<Contact>().unwrap()), host);
+        }
+        for wrong in ["", "*.cluster", "node:7700", "http://node", "a b"] {
+            assert!(wrong.parse::<Contact>().is_err(), "{wrong}");
+        }
     }
 }
