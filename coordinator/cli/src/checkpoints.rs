@@ -50,7 +50,7 @@ impl CheckpointsCommand {
             async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
         if makes_data {
             let data = DataDirectory::hold(&global.data)?;
-            return connection::with_own(global, data, InProcess::NONE, ask).await;
+            return connection::with_own(global, data, InProcess::NONE, None, ask).await;
         }
         connection::with(global, InProcess::NONE, ask).await
     }

@@ -164,28 +164,16 @@ pub async fn with_new<T>(
     connection.asked(ask).await
 }
 
-/// Starts a coordinator over a data directory that this process holds, and calls `ask` with a connection to this coordinator.
+/// Starts a coordinator over a data directory that this process holds, and calls `ask` with a connection to this coordinator. With a
+/// `publication`, other machines reach the coordinator too.
 pub async fn with_own<T>(
     global: &Global,
     data: DataDirectory,
     in_process: InProcess,
+    publication: Option<Publication>,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    Connection::start(global, data, in_process, None)
-        .await?
-        .asked(ask)
-        .await
-}
-
-/// Starts a coordinator as [`with_own`] does, which other machines find by the access files of the `publication`.
-pub(super) async fn with_launched<T>(
-    global: &Global,
-    data: DataDirectory,
-    in_process: InProcess,
-    publication: Publication,
-    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
-) -> Result<T, CliError> {
-    Connection::start(global, data, in_process, Some(publication))
+    Connection::start(global, data, in_process, publication)
         .await?
         .asked(ask)
         .await
@@ -247,6 +235,27 @@ mod tests {
         global: Global,
     }
 
+    #[test]
+    fn a_token_is_sent_to_this_machine_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        murmuration_access::LocalToken::of(folder.path()).unwrap();
+        let shown = |address: &str| {
+            let holder = LockHolder {
+                address: address.to_owned(),
+                ..LockHolder::default()
+            };
+            format!("{:?}", of_holder(holder, folder.path()).unwrap())
+        };
+        assert!(shown("http://127.0.0.1:7700").contains("token: Some"));
+        for elsewhere in [
+            "http://10.0.0.7:7700",
+            "http://evil.example:80",
+            "http://127.0.0.1.evil.example:80",
+        ] {
+            assert!(shown(elsewhere).contains("token: None"), "{elsewhere}");
+        }
+    }
+
     #[tokio::test(flavor = "multi_thread")]
     async fn a_coordinator_that_a_command_started_ends_with_it_whatever_came_of_it() {
         let folder = tempfile::tempdir().unwrap();
@@ -270,7 +279,7 @@ mod tests {
                 }
             };
             let held = DataDirectory::hold(&data).unwrap();
-            let asked = with_own(&global, held, InProcess::NONE, ask).await;
+            let asked = with_own(&global, held, InProcess::NONE, None, ask).await;
             assert_eq!(
                 asked.map_err(|error| error.to_string()).err(),
                 fails.then(|| "as asked".to_owned())

@@ -150,7 +150,7 @@ impl Evaluate {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         let data = DataDirectory::hold(folder.path())?;
-        connection::with_own(global, data, in_process, evaluate).await
+        connection::with_own(global, data, in_process, None, evaluate).await
     }
 }
 

@@ -7,7 +7,7 @@ use murmuration_coordinator::{
     server::Publication,
 };
 use murmuration_link::{
-    AccessFile, AccessFileError, Credentials, LinkError, OnLost, Rank, Target, cores, errln, host_name, rank,
+    AccessFile, AccessFileError, Credentials, LinkError, OnLost, Rank, Target, errln, host_name, rank,
     termination,
 };
 use murmuration_proto::v1;
@@ -119,8 +119,8 @@ impl Launch {
     }
 
     /// The id of the request for the campaign: a launch in the same job goes on with the campaign.
-    pub(super) fn request_id(&self) -> String {
-        self.request_id.clone()
+    pub(super) fn request_id(&self) -> &str {
+        &self.request_id
     }
 
     pub(super) fn publication(&self) -> Publication {
@@ -144,8 +144,8 @@ impl Launch {
         }
     }
 
-    /// Works for the process that coordinates, until the campaign has ended.
-    pub(super) async fn work(&self, workers: Option<usize>) -> Result<(), CliError> {
+    /// Works for the process that coordinates, with this number of threads (at least one), until the campaign has ended.
+    pub(super) async fn work(&self, workers: usize) -> Result<(), CliError> {
         let target = Target::AccessFile {
             path: self.access.clone(),
             credentials: Credentials::default(),
@@ -155,7 +155,7 @@ impl Launch {
             self.number,
             self.access.display()
         );
-        let threads = workers.and_then(NonZeroUsize::new).unwrap_or_else(cores);
+        let threads = NonZeroUsize::new(workers).unwrap_or(NonZeroUsize::MIN);
         let (stop, stopped) = watch::channel(false);
         let terminated = termination();
         tokio::spawn(async move {

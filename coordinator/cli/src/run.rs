@@ -96,30 +96,29 @@ impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         // A signal that arrives early counts too.
         let mut ended: Ended = Box::pin(termination());
-        let spec = read_spec(&self.spec, self.seed);
-        let launch = match &spec {
-            Ok(spec) => self.together.launch(spec, global)?,
-            // All processes of a launch find the same error.
-            Err(_) => None,
-        };
-        let spec = spec?;
-        match launch {
-            Some(launch) if !launch.coordinates() => launch.work(self.in_process.workers).await,
-            Some(launch) => {
-                let mut held = false;
-                match self
-                    .coordinate(&spec, global, Some(&launch), &mut ended, &mut held)
+        let spec = read_spec(&self.spec, self.seed)?;
+        let in_process = self.in_process.some()?;
+        let launch = self.together.launch(&spec, global)?;
+        if let Some(launch) = launch.as_ref().filter(|launch| !launch.coordinates()) {
+            return launch.work(in_process.workers).await;
+        }
+        let held = self.hold(global, launch.as_ref(), &mut ended).await;
+        let holds = held.is_ok();
+        let run = match held {
+            Ok(data) => {
+                self.coordinate(&spec, global, data, in_process, launch.as_ref(), &mut ended)
                     .await
-                {
-                    // The launcher starts the processes again, and they go on.
-                    Err(CliError::Interrupted(message)) => Err(CliError::TryAgain(message)),
-                    run => {
-                        launch.end(held);
-                        run
-                    }
-                }
             }
-            None => self.coordinate(&spec, global, None, &mut ended, &mut false).await,
+            Err(error) => Err(error),
+        };
+        match (run, launch) {
+            // The launcher starts the processes again, and they go on.
+            (Err(CliError::Interrupted(message)), Some(_)) => Err(CliError::TryAgain(message)),
+            (run, Some(launch)) => {
+                launch.end(holds);
+                run
+            }
+            (run, None) => run,
         }
     }
 
@@ -128,31 +127,38 @@ impl Run {
         self.together.works_for_another()
     }
 
-    /// Runs the campaign in a coordinator of this process, until it has its report or the future `ended` is ready. Sets `held` once
-    /// this process holds the data directory.
-    async fn coordinate(
+    /// Holds the data directory; a launch waits for it.
+    async fn hold(
         &self,
-        spec: &CampaignSpec,
         global: &Global,
         launch: Option<&Launch>,
         ended: &mut Ended,
-        held: &mut bool,
-    ) -> Result<(), CliError> {
-        let in_process = self.in_process.some()?;
+    ) -> Result<DataDirectory, CliError> {
         if let Some(target) = global.target()? {
             let hint =
                 format!("`run` runs the campaign in this process: for {target} use `murmuration submit`");
             return Err(CliError::Input(hint));
         }
-        let holding = match launch {
+        let held = match launch {
             Some(_) => tokio::select! {
-                holding = hold_within(HOLD_WAIT, &global.data) => holding,
-                signal = &mut *ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
+                held = hold_within(HOLD_WAIT, &global.data) => held,
+                signal = ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
             },
             None => DataDirectory::hold(&global.data),
         };
-        let data = holding.map_err(|error| self.in_use(error, global))?;
-        *held = true;
+        held.map_err(|error| self.in_use(error, global))
+    }
+
+    /// Runs the campaign in a coordinator of this process, until it has its report or the future `ended` is ready.
+    async fn coordinate(
+        &self,
+        spec: &CampaignSpec,
+        global: &Global,
+        data: DataDirectory,
+        in_process: InProcess,
+        launch: Option<&Launch>,
+        ended: &mut Ended,
+    ) -> Result<(), CliError> {
         if spec.space().embeds() {
             // A missing ONNX Runtime must be reported now, not after the simulation of the dataset.
             Runtime::load()?;
@@ -160,7 +166,7 @@ impl Run {
         let run = async |connection: &mut Connection| {
             let request = v1::CreateCampaignRequest {
                 campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
-                request_id: launch.map(Launch::request_id).unwrap_or_default(),
+                request_id: launch.map(Launch::request_id).unwrap_or_default().to_owned(),
                 ..v1::CreateCampaignRequest::default()
             };
             let mut campaign = validated(connection.client.create_campaign(request).await?)?;
@@ -180,12 +186,8 @@ impl Run {
             );
             to_report(connection, global, &campaign.id, ended).await
         };
-        let reported = match launch {
-            None => connection::with_own(global, data, in_process, run).await?,
-            Some(launch) => {
-                connection::with_launched(global, data, in_process, launch.publication(), run).await?
-            }
-        };
+        let publication = launch.map(Launch::publication);
+        let reported = connection::with_own(global, data, in_process, publication, run).await?;
         Ok(reported.print(global)?)
     }
 

@@ -147,13 +147,10 @@ impl Serve {
     fn say_how_to_reach(&self, global: &Global, access: &AccessFile) -> Result<(), CliError> {
         let by = match access.is_for_other_machines() {
             true => {
-                let of_data = access_file_of(&global.data);
-                let file = path::absolute(global.trust.access.as_deref().unwrap_or(&of_data));
-                let file = file.map_or_else(
-                    |_| of_data.display().to_string(),
-                    |file| file.display().to_string(),
-                );
-                format!(" --access {}", quoted(&file))
+                let named = global.trust.access.clone();
+                let file = named.unwrap_or_else(|| access_file_of(&global.data));
+                let file = path::absolute(&file).unwrap_or(file);
+                format!(" --access {}", quoted(&file.display().to_string()))
             }
             false => global.place(),
         };
