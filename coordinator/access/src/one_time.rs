@@ -17,7 +17,7 @@ use std::{
 const LIFETIME: Duration = Duration::from_secs(15 * 60);
 /// How far the clock of the machine that makes a code may be ahead.
 const CLOCK_DIFFERENCE: Duration = Duration::from_secs(60);
-/// What the key of the codes is derived for, so that no other use of the token gives the same key.
+/// Purpose of the key, which is part of its derivation: keys of the token for other purposes differ.
 const PURPOSE: &[u8] = b"murmuration one-time code";
 const RANDOM_BYTES: usize = 16;
 const TIME_BYTES: usize = 8;

@@ -10,6 +10,7 @@ use murmuration_access::{
 use murmuration_link::{AccessFile, Credentials, Target, access_file_of, host_name, is_loopback};
 use murmuration_web as web;
 use std::{
+    fmt::Display,
     net::{IpAddr, Ipv4Addr, SocketAddr},
     path::Path,
     sync::Arc,
@@ -57,7 +58,7 @@ pub(super) struct Opened {
     pub(super) published: Option<AccessFile>,
 }
 
-/// What all endpoints of a coordinator share.
+/// The parts of a coordinator that all its endpoints use.
 struct Shared<'a> {
     data: &'a Path,
     owner: LocalToken,
@@ -219,10 +220,7 @@ impl Publication {
             None => None,
         };
         match host {
-            Some(host) => {
-                let scheme = if is_encrypted { "https" } else { "http" };
-                format!("{scheme}://{host}:{}", address.port())
-            }
+            Some(host) => url(format_args!("{host}:{}", address.port()), is_encrypted),
             None => url(address, is_encrypted),
         }
     }
@@ -246,8 +244,8 @@ pub(super) async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAd
     Ok((listener, bound))
 }
 
-/// The URL of an address, for clients.
-pub(super) fn url(address: SocketAddr, is_encrypted: bool) -> String {
+/// The URL of a host and port, for clients.
+pub(super) fn url(address: impl Display, is_encrypted: bool) -> String {
     let scheme = if is_encrypted { "https" } else { "http" };
     format!("{scheme}://{address}")
 }

@@ -285,7 +285,7 @@ pub async fn keep(
         };
         let error = match ended {
             Ok(()) => return Ok(()),
-            Err(Broken::NotFound(CredentialsError::AccessFile(AccessFileError::Ended { at, .. })))
+            Err(Broken::Target(CredentialsError::AccessFile(AccessFileError::Ended { at, .. })))
                 if lost.ended_now(at) =>
             {
                 tracing::info!(

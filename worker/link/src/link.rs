@@ -33,9 +33,9 @@ pub struct Link {
 /// Why a connection ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum Broken {
-    /// The access file of the coordinator cannot be used now.
+    /// The access file of the coordinator, or a credential, cannot be used now.
     #[error(transparent)]
-    NotFound(#[from] CredentialsError),
+    Target(#[from] CredentialsError),
     /// The connection could not be made.
     #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),

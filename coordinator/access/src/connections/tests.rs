@@ -199,3 +199,19 @@ async fn a_visit_closes_its_connection_while_it_waits_and_later() {
     client.write_all(b"a").await.unwrap();
     assert!(connection.read_u8().await.is_err());
 }
+
+#[tokio::test]
+async fn a_machine_that_connects_by_its_own_address_is_this_machine() {
+    let listener = TcpListener::bind("127.0.0.5:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let peer = async |from: &str| {
+        let socket = tokio::net::TcpSocket::new_v4().unwrap();
+        socket.bind(from.parse().unwrap()).unwrap();
+        let (connected, accepted) = tokio::join!(socket.connect(address), listener.accept());
+        connected.unwrap();
+        let (stream, peer) = accepted.unwrap();
+        machine_at(&stream, peer.ip())
+    };
+    assert_eq!(peer("127.0.0.5:0").await, Ipv4Addr::LOCALHOST);
+    assert_eq!(peer("127.0.0.6:0").await, Ipv4Addr::new(127, 0, 0, 6));
+}
