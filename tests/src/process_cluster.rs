@@ -61,7 +61,25 @@ impl ProcessCluster {
     /// Starts a cluster as [`ProcessCluster::start`] does, in an existing folder, with additional environment variables for every
     /// process. The data directory is `data` in this folder.
     pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
-        let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
+        let coordinator = Command::new(binary("murmuration"));
+        Self::start_of(coordinator, folder, workers, environment)
+    }
+
+    /// Starts a cluster as [`ProcessCluster::start`] does; the coordinator may have `files` open files.
+    pub fn start_with_open_files(files: u64, workers: usize) -> Self {
+        let mut coordinator = Command::new("sh");
+        let limited = format!("ulimit -n {files} && exec \"$0\" \"$@\"");
+        coordinator.args(["-c", &limited]).arg(binary("murmuration"));
+        Self::start_of(coordinator, tempfile::tempdir().unwrap(), workers, Vec::new())
+    }
+
+    fn start_of(
+        coordinator: Command,
+        folder: tempfile::TempDir,
+        workers: usize,
+        environment: Environment,
+    ) -> Self {
+        let mut coordinator = serve(coordinator, folder.path(), "127.0.0.1:0", &environment);
         coordinator.wait_for("  pages:");
         let log = coordinator.output();
         let (_, rest) = log.split_once("http://").unwrap();
@@ -132,7 +150,12 @@ impl ProcessCluster {
 
     /// Restarts the coordinator at the same address.
     pub fn start_coordinator(&mut self) {
-        let mut coordinator = serve(self.folder.path(), &self.address, &self.environment);
+        let mut coordinator = serve(
+            Command::new(binary("murmuration")),
+            self.folder.path(),
+            &self.address,
+            &self.environment,
+        );
         coordinator.wait_for("  pages:");
         self.coordinator = Some(coordinator);
     }
@@ -321,8 +344,7 @@ impl ProcessCluster {
     }
 }
 
-fn serve(folder: &Path, listen: &str, environment: &Environment) -> Running {
-    let mut command = Command::new(binary("murmuration"));
+fn serve(mut command: Command, folder: &Path, listen: &str, environment: &Environment) -> Running {
     command
         .args([
             "serve",

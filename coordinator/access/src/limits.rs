@@ -13,9 +13,9 @@ pub const MAX_CONNECTIONS: usize = 12_288;
 /// Maximum number of open connections from one address (for IPv6, one /64 network); never more than half of all connections.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
 /// Maximum number of open connections of the endpoint for this machine alone, where access is restricted.
-pub(crate) const MAX_LOCAL_CONNECTIONS: usize = 128;
+pub const MAX_LOCAL_CONNECTIONS: usize = 128;
 /// Open files that are reserved for other uses than connections: the store, logs, the operating system's library.
-pub(crate) const RESERVED_FILES: u64 = 256;
+pub const RESERVED_FILES: u64 = 256;
 /// Time of a TLS handshake, and the longest silence of a connection before its first request.
 pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 /// Time that a connection has until the headers of its first request are complete.

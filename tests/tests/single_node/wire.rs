@@ -265,7 +265,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
         .fail(lease, v1::FailureClass::Retryable, "the cache is full")
         .await;
     // The worker stays connected, and pauses after the failure.
-    let held_up = |status: &v1::Campaign| !status.waiting.is_empty();
+    let held_up = |status: &v1::Campaign| status.waiting.starts_with("impostor");
     let status = cluster.watch_until(&created.id, held_up).await;
     assert_eq!(
         status.waiting,
