@@ -130,7 +130,7 @@ pub struct Coordinator {
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
-    _data: DataDirectory,
+    data: DataDirectory,
 }
 
 impl Coordinator {
@@ -307,8 +307,13 @@ impl Coordinator {
             seats,
             stop,
             servers,
-            _data: options.data,
+            data: options.data,
         })
+    }
+
+    /// Returns, with the reason, when another process has taken the data directory over: this coordinator can change nothing then.
+    pub fn taken_over(&self) -> impl Future<Output = StoreError> + use<> {
+        self.data.taken_over()
     }
 
     /// The address on which the coordinator listens.

@@ -126,7 +126,14 @@ impl Connection {
         mut self,
         ask: impl AsyncFnOnce(&mut Self) -> Result<T, CliError>,
     ) -> Result<T, CliError> {
-        let answer = ask(&mut self).await;
+        let own = self.own.as_ref().map(|own| own.coordinator().taken_over());
+        let answer = match own {
+            Some(taken_over) => tokio::select! {
+                answer = ask(&mut self) => answer,
+                taken_over = taken_over => Err(taken_over.into()),
+            },
+            None => ask(&mut self).await,
+        };
         let ended = match self.own {
             Some(own) => own.shutdown().await.map_err(CliError::from),
             None => Ok(()),

@@ -125,10 +125,15 @@ impl Serve {
             errln!("serving {} at {}", global.data.display(), access.pages);
             self.say_how_to_reach(global, access)?;
         }
-        let signal = ended.await;
-        errln!("{signal}; the next `murmuration serve` continues the running campaigns");
+        let taken_over = tokio::select! {
+            signal = &mut ended => {
+                errln!("{signal}; the next `murmuration serve` continues the running campaigns");
+                None
+            }
+            taken_over = cluster.coordinator().taken_over() => Some(taken_over),
+        };
         cluster.shutdown().await?;
-        Ok(())
+        taken_over.map_or(Ok(()), |taken_over| Err(taken_over.into()))
     }
 
     fn listen_config(&self) -> Result<ListenConfig, CliError> {

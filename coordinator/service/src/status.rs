@@ -43,12 +43,14 @@ impl IntoStatus for StoreError {
             | StoreError::ReadOnly { .. }
             | StoreError::Locked { .. } => Status::resource_exhausted(message),
             StoreError::OtherRequest { .. } => Status::already_exists(message),
-            StoreError::Interrupted(_) => Status::unavailable(message),
+            // Another coordinator has the data now.
+            StoreError::Interrupted(_) | StoreError::TakenOver(_) => Status::unavailable(message),
             StoreError::Damaged { .. } => Status::data_loss(message),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
             | StoreError::Newer { .. }
+            | StoreError::Unshared { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(message),
             StoreError::File { .. }
             | StoreError::Broken(_)

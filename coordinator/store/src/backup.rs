@@ -11,7 +11,7 @@ use crate::{
     checkpoints::{BlobStore, CheckpointError},
     doctor,
     files::{self, is_empty, is_there, without_links},
-    find_database,
+    find_database, remove_new,
 };
 use bytes::Bytes;
 use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
@@ -19,6 +19,7 @@ use murmuration_search::interrupt::{Interrupt, Interrupted};
 use murmuration_swarm::CheckpointDigest;
 use serde::{Deserialize, Serialize};
 use std::{
+    ffi::OsStr,
     fs::{self, File},
     io,
     path::{Path, PathBuf},
@@ -150,8 +151,10 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
     }
     let is_new = !is_there(data).map_err(failed("find", data))?;
     let held = DataDirectory::hold(data)?;
-    // Another process may have written into the folder before this process held it: only the lock file is allowed.
-    if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
+    // Another process may have written into the folder before this process held it.
+    let is_of_holder = |name: &OsStr| name == DataDirectory::LOCK || name == DataDirectory::LEASE;
+    let mut entries = fs::read_dir(data).map_err(failed("look into", data))?;
+    if !entries.all(|entry| entry.is_ok_and(|entry| is_of_holder(&entry.file_name()))) {
         return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
     let mut placed = Vec::new();
@@ -161,8 +164,7 @@ pub async fn restore(from: &Path, data: &Path, interrupt: &Interrupt) -> Result<
         clear(data, &placed);
         if is_new {
             // `remove_dir` does not remove a folder into which another process has put something.
-            let _ = fs::remove_file(data.join(DataDirectory::LOCK));
-            let _ = fs::remove_dir(data);
+            remove_new(data);
         }
     }
     drop(held);

@@ -1,12 +1,22 @@
 //! The data directory: one process holds it at a time, and writes its address there for other processes.
 
-use super::{LockHolder, StoreError};
+use super::{
+    FileSystem, LockHolder, StoreError,
+    lease::{self, Lease},
+    open,
+};
 use murmuration_files::{expect_own_file, expect_regular};
 use std::{
     fs,
     io::{self, Read as _, Seek as _, Write as _},
     path::{Path, PathBuf},
+    sync::{
+        Arc,
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread::{self, JoinHandle},
 };
+use tokio::sync::watch;
 
 /// Removes the files that a process made in a new data directory, and the directory if it is empty then. Ignores failures,
 /// because leftovers do no harm.
@@ -29,6 +39,7 @@ pub fn remove_new(data: &Path) {
         let _ = fs::remove_file(data.join(name));
     }
     let _ = fs::remove_dir_all(data.join(super::checkpoints::BlobStore::FOLDER));
+    let _ = fs::remove_dir_all(data.join(lease::FOLDER));
     let _ = fs::remove_dir(data);
 }
 
@@ -39,14 +50,27 @@ const MAX_LOCK_BYTES: u64 = 4 << 10;
 #[derive(Debug)]
 pub struct DataDirectory {
     path: PathBuf,
+    file_system: FileSystem,
+    lease: Arc<Lease>,
+    beating: Beating,
     lock: fs::File,
+}
+
+/// The thread that changes the counter of the lease, until dropped.
+#[derive(Debug)]
+struct Beating {
+    stop: Option<mpsc::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl DataDirectory {
     /// Name of the lock file.
     pub(crate) const LOCK: &str = "lock.json";
+    /// Name of the folder of leases.
+    pub(crate) const LEASE: &str = lease::FOLDER;
 
-    /// Holds the data directory at `path`; a missing folder is created.
+    /// Holds the data directory at `path`; a missing folder is created. Blocks for some seconds if it is unknown whether the former
+    /// holder still runs, on another machine.
     ///
     /// # Errors
     /// [`StoreError::InUse`] if another process holds the folder; any other error names the file that cannot be used.
@@ -82,21 +106,33 @@ impl DataDirectory {
                 return Err(failed("open the lock file", &lock_path)(error));
             }
         };
-        match lock.try_lock() {
-            Ok(()) => {
-                let held = Self {
-                    path: path.to_path_buf(),
-                    lock,
-                };
-                held.announce("", "")?;
-                Ok(held)
+        let file_system = FileSystem::of(path);
+        let locked = match lock.try_lock() {
+            Ok(()) => true,
+            Err(fs::TryLockError::WouldBlock) => return Err(in_use(path, lock)),
+            Err(fs::TryLockError::Error(source)) => {
+                without_locks(source, &file_system).map_err(failed("lock", &lock_path))?;
+                false
             }
-            Err(fs::TryLockError::WouldBlock) => Err(StoreError::InUse {
-                path: path.to_path_buf(),
-                holder: read_holder(lock),
-            }),
-            Err(fs::TryLockError::Error(source)) => Err(failed("lock", &lock_path)(source)),
+        };
+        let (lease, may_run) = match Lease::take(path, &file_system, locked) {
+            Ok(taken) => taken,
+            Err(refusal) => return Err(refused(refusal, path, lock)),
+        };
+        if may_run {
+            // What the former holder had begun to write must not get into the database of this process.
+            open::renew(path)?;
         }
+        let lease = Arc::new(lease);
+        let held = Self {
+            path: path.to_path_buf(),
+            beating: Beating::of(lease.clone()).map_err(failed("start a thread for", path))?,
+            file_system,
+            lease,
+            lock,
+        };
+        held.announce("", "")?;
+        Ok(held)
     }
 
     /// Prevents other processes from holding a folder while this process examines it, and changes nothing in the folder. Returns
@@ -117,13 +153,19 @@ impl DataDirectory {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(failed(error)),
         };
-        match lock.try_lock_shared() {
-            Ok(()) => Ok(Some(lock)),
-            Err(fs::TryLockError::WouldBlock) => Err(StoreError::InUse {
-                path: path.to_path_buf(),
-                holder: read_holder(lock),
-            }),
-            Err(fs::TryLockError::Error(source)) => Err(failed(source)),
+        let file_system = FileSystem::of(path);
+        let locked = match lock.try_lock_shared() {
+            Ok(()) => true,
+            Err(fs::TryLockError::WouldBlock) => return Err(in_use(path, lock)),
+            Err(fs::TryLockError::Error(source)) => {
+                without_locks(source, &file_system).map_err(failed)?;
+                false
+            }
+        };
+        match lease::is_held(path, &file_system, locked) {
+            Ok(false) => Ok(Some(lock)),
+            Ok(true) => Err(in_use(path, lock)),
+            Err(refusal) => Err(refused(refusal, path, lock)),
         }
     }
 
@@ -164,6 +206,91 @@ impl DataDirectory {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The file system that holds the data directory.
+    pub(super) const fn file_system(&self) -> &FileSystem {
+        &self.file_system
+    }
+
+    pub(super) fn lease(&self) -> Arc<Lease> {
+        self.lease.clone()
+    }
+
+    /// Returns when another process has taken the data directory over: this process can change nothing from then on.
+    pub fn taken_over(&self) -> impl Future<Output = StoreError> + use<> {
+        taken_over(self.lease.lost(), self.path.clone())
+    }
+}
+
+impl Drop for DataDirectory {
+    fn drop(&mut self) {
+        self.beating.stop();
+        self.lease.end();
+    }
+}
+
+impl Beating {
+    fn of(lease: Arc<Lease>) -> io::Result<Self> {
+        let (stop, stopped) = mpsc::channel();
+        let beat = move || {
+            let mut count = 0;
+            while stopped.recv_timeout(lease::BEAT) == Err(RecvTimeoutError::Timeout) {
+                count += 1;
+                match lease.check() {
+                    Err(StoreError::TakenOver(_)) => return,
+                    _ => {
+                        // A disk that is full or read-only may be writable again at the next beat.
+                        let _ = lease.beat(count);
+                    }
+                }
+            }
+        };
+        let thread = thread::Builder::new().name("lease".to_owned()).spawn(beat)?;
+        Ok(Self {
+            stop: Some(stop),
+            thread: Some(thread),
+        })
+    }
+
+    fn stop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            // The thread does not panic, and its end is all that matters.
+            let _ = thread.join();
+        }
+    }
+}
+
+async fn taken_over(mut lost: watch::Receiver<bool>, path: PathBuf) -> StoreError {
+    if lost.wait_for(|&lost| lost).await.is_err() {
+        // The lease has ended.
+        std::future::pending::<()>().await;
+    }
+    StoreError::TakenOver(path)
+}
+
+fn in_use(path: &Path, lock: fs::File) -> StoreError {
+    StoreError::InUse {
+        path: path.to_path_buf(),
+        holder: read_holder(lock),
+    }
+}
+
+fn refused(refusal: lease::Refusal, path: &Path, lock: fs::File) -> StoreError {
+    match refusal {
+        lease::Refusal::Held => in_use(path, lock),
+        lease::Refusal::Failed { doing, path, source } => StoreError::from_io(source, doing, &path),
+    }
+}
+
+/// Accepts that a shared file system has no locks: the lease of the data directory does without them.
+fn without_locks(error: io::Error, file_system: &FileSystem) -> io::Result<()> {
+    let has_none = error.kind() == io::ErrorKind::Unsupported
+        || error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error());
+    match has_none && !file_system.is_local() {
+        true => Ok(()),
+        false => Err(io::Error::other(format!("{error} (on {file_system})"))),
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! [`StoreError::may_pass`] distinguishes temporary refusals of the disk from permanent errors.
 
-use crate::blocking::Broken;
+use crate::{FileSystem, blocking::Broken};
 use murmuration_model::{CampaignId, labels::RequestId};
 use murmuration_search::interrupt::Interrupted;
 use rusqlite::{ErrorCode, ffi};
@@ -117,6 +117,18 @@ pub enum StoreError {
     /// Another process writes to the database, and has not finished in time.
     #[error("another program has locked {path}: nothing was changed; try again once it has finished")]
     Locked { path: PathBuf },
+    /// Another process has taken the data directory over from this process.
+    #[error(
+        "another process has taken over data directory {0}, because this process could not be heard for a while, or its folder \
+         `lease` was removed: this process changes nothing more"
+    )]
+    TakenOver(PathBuf),
+    /// A process uses the data directory, whose file system does not allow a second process.
+    #[error(
+        "data directory {path} is in use, and on {file_system} no second process can read the database meanwhile: end \
+         the coordinator first; `murmuration export` copies a campaign while it runs"
+    )]
+    Unshared { path: PathBuf, file_system: FileSystem },
     /// The file, its folder or its disk is read-only.
     #[error(
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
@@ -232,8 +244,8 @@ impl StoreError {
             Some((ErrorCode::DiskFull, _)) => Self::DiskFull { path },
             Some((ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked, _)) => Self::Locked { path },
             Some((_, code)) if NOT_WRITTEN.contains(&code) => Self::Unwritable {
+                reason: format!("{source}, on {}", FileSystem::of(&path)),
                 path,
-                reason: source.to_string(),
             },
             Some((ErrorCode::ReadOnly | ErrorCode::PermissionDenied | ErrorCode::CannotOpen, _)) => {
                 Self::ReadOnly { path }

@@ -17,6 +17,7 @@ pub mod doctor;
 mod embeddings;
 mod epochs;
 mod error;
+mod file_system;
 pub mod files;
 mod hidden;
 mod images;
@@ -24,6 +25,7 @@ mod individual;
 mod inspection;
 pub mod kept;
 mod labels;
+mod lease;
 mod numbers;
 mod open;
 mod pictures;
@@ -47,6 +49,7 @@ pub use deletion::{Deletion, DeletionError};
 pub use embeddings::Switch;
 pub use epochs::EpochRecord;
 pub use error::{LockHolder, StoreError, UnknownCampaign};
+pub use file_system::FileSystem;
 pub use images::StoredImage;
 pub use individual::{ArchivedIndividual, Trial};
 pub use labels::{LabelBudget, LabelError, OverBudget, Undone};
@@ -58,6 +61,7 @@ pub use studies::{StudyEntry, StudyVersion};
 pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 
 use crate::files::is_there;
+use lease::Lease;
 use murmuration_model::RunId;
 use readers::Readers;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
@@ -79,6 +83,8 @@ pub struct Store {
     /// The writing connection (SQLite has one writer), or the only connection of a store without `readers`.
     connection: Arc<Mutex<Connection>>,
     path: Arc<Path>,
+    /// The lease of the data directory, if the store can write.
+    lease: Option<Arc<Lease>>,
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
     /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
@@ -107,10 +113,11 @@ impl Store {
         if !find_database(&path)? {
             open::create(directory.path())?;
         }
-        let connection = open::to_write(&path)?;
-        let readers = Arc::new(Readers::open(&path)?);
+        let connection = open::to_write(&path, directory.file_system())?;
+        let readers = Arc::new(Readers::open(&path, directory.file_system())?);
         let store = Self {
             readers: Some(readers),
+            lease: Some(directory.lease()),
             ..Self::over(connection, &path)
         };
         transfer::remove_leftovers(&store, directory.path());
@@ -134,6 +141,7 @@ impl Store {
     fn over(connection: Connection, path: &Path) -> Self {
         Self {
             readers: None,
+            lease: None,
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             sync_failed: Arc::default(),
@@ -195,6 +203,7 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        self.check_lease()?;
         if self.sync_failed.load(Ordering::Relaxed) {
             // An active reader would prevent SQLite from emptying the log.
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
@@ -206,6 +215,8 @@ impl Store {
             change(transaction)
         });
         let changed = changed.map_err(|error| error.at(&self.path));
+        // A change that another process cannot know of must not be acknowledged.
+        self.check_lease()?;
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }
@@ -213,6 +224,10 @@ impl Store {
             self.shorten_long_log(&connection);
         }
         changed
+    }
+
+    fn check_lease(&self) -> Result<(), StoreError> {
+        self.lease.as_ref().map_or(Ok(()), |lease| lease.check())
     }
 
     /// Writes a long log into the database. If an export keeps a part of the log in use, the next attempt is made when the log is

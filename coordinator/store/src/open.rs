@@ -1,9 +1,11 @@
 //! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
-use super::{Store, StoreError, files::sync, schema, studies::take_over};
+use super::{FileSystem, Store, StoreError, files::sync, schema, studies::take_over};
+use murmuration_files::NewFile;
 use rusqlite::{
     Connection, OpenFlags,
     backup::{Backup, StepResult},
+    config::DbConfig,
     ffi,
 };
 use std::{
@@ -49,11 +51,41 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     placed.map_err(|error| StoreError::from_io(error, "write", &path))
 }
 
+/// Opens a database that this process writes, or whose log it reads. On a shared file system, the index of the log is in this
+/// process's own memory, so no other process can use the database at the same time.
+fn connect(path: &Path, flags: OpenFlags, file_system: &FileSystem) -> Result<Connection, StoreError> {
+    let flags = flags | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let opened = match file_system.is_local() {
+        true => Connection::open_with_flags(path, flags),
+        false => Connection::open_with_flags_and_vfs(path, flags, c"unix-excl"),
+    };
+    opened.map_err(|source| StoreError::from_sqlite(source, path))
+}
+
+/// Replaces the database and its log by copies of themselves, so that a process which still has the former files open cannot
+/// change the new ones.
+pub(super) fn renew(folder: &Path) -> Result<(), StoreError> {
+    let database = folder.join(Store::FILE);
+    for path in [with_suffix(&database, "-wal"), database] {
+        let copied = fs::File::open(&path).and_then(|mut former| {
+            let mut copy = NewFile::create(&path)?;
+            io::copy(&mut former, &mut copy)?;
+            copy.finish()
+        });
+        match copied {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(StoreError::from_io(error, "copy", &path));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// A writing connection to an existing database, which is checked and migrated to the newest schema.
-pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
+pub(super) fn to_write(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
-    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let mut connection = Connection::open_with_flags(path, flags).map_err(named)?;
+    let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE, file_system)?;
     let version = schema::version(&connection, path)?;
     check(&connection, path)?;
     connection
@@ -79,9 +111,25 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
 }
 
 /// A connection that reads a database which another connection of this process writes.
-pub(super) fn to_read(path: &Path) -> Result<Connection, StoreError> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    Connection::open_with_flags(path, flags).map_err(|source| StoreError::from_sqlite(source, path))
+pub(super) fn to_read(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
+    if file_system.is_local() {
+        return connect(path, OpenFlags::SQLITE_OPEN_READ_ONLY, file_system);
+    }
+    to_read_alone(path, file_system)
+}
+
+/// A connection that reads a database which no other process has open. It can read the log, which a connection that cannot write
+/// can do only with shared memory.
+fn to_read_alone(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
+    let named = |source| StoreError::from_sqlite(source, path);
+    let connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE, file_system)?;
+    connection
+        .pragma_update(None, "query_only", true)
+        .map_err(named)?;
+    connection
+        .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)
+        .map_err(named)?;
+    Ok(connection)
 }
 
 /// A connection that changes nothing on disk, and the schema version of the database on disk. With `alone`, the caller guarantees
@@ -95,15 +143,20 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
         Err(error) => return Err(StoreError::from_io(error, "read", &log)),
     };
     let unchanging = alone && log_bytes == 0;
+    let file_system = FileSystem::of(path);
     let flags =
         OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
     let connection = if unchanging {
         let uri = format!("file:{}?immutable=1", uri_path(path));
-        Connection::open_with_flags(uri, flags)
+        Connection::open_with_flags(uri, flags).map_err(named)?
+    } else if file_system.is_local() {
+        Connection::open_with_flags(path, flags).map_err(named)?
+    } else if alone {
+        to_read_alone(path, &file_system)?
     } else {
-        Connection::open_with_flags(path, flags)
-    }
-    .map_err(named)?;
+        let path = folder_of(path).to_path_buf();
+        return Err(StoreError::Unshared { path, file_system });
+    };
     let version = schema::version(&connection, path)?;
     if version == schema::VERSION {
         return Ok((connection, version));

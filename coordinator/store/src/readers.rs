@@ -4,7 +4,7 @@
 //! [`MOST`] reads run at once, and further reads wait. At most [`MOST_IN_BACKGROUND`] reads run in the background, so that a
 //! decision finds a free connection. No read runs while the log is emptied.
 
-use super::{StoreError, open};
+use super::{FileSystem, StoreError, open};
 use rusqlite::Connection;
 use std::{
     path::Path,
@@ -45,8 +45,8 @@ pub(super) struct KeptAway<'a>(&'a Readers);
 
 impl Readers {
     /// Connections to a database that another connection of this process writes.
-    pub(super) fn open(path: &Path) -> Result<Self, StoreError> {
-        let connections = (0..MOST).map(|_| Ok(Mutex::new(open::to_read(path)?)));
+    pub(super) fn open(path: &Path, file_system: &FileSystem) -> Result<Self, StoreError> {
+        let connections = (0..MOST).map(|_| Ok(Mutex::new(open::to_read(path, file_system)?)));
         Ok(Self {
             turns: Mutex::default(),
             changed: Condvar::new(),

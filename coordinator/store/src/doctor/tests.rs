@@ -279,10 +279,11 @@ async fn a_campaign_without_a_specification_is_unreadable() {
 async fn looking_changes_nothing() {
     let (folder, _) = data();
     let listing = || {
-        let mut names: Vec<_> = fs::read_dir(folder.path())
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .collect();
+        let mut names = Vec::new();
+        for folder in [folder.path().to_path_buf(), folder.path().join("lease")] {
+            names.extend(fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
+        }
+        names.retain(|path| path.is_file());
         names.sort();
         let contents: Vec<_> = names.iter().map(|path| fs::read(path).unwrap()).collect();
         (names, contents)

@@ -261,7 +261,7 @@ fn a_log_in_use_by_an_export_is_written_again_only_once_it_is_much_longer() {
         };
         store.write(change).unwrap();
     };
-    let exports = open::to_read(&store.path).unwrap();
+    let exports = open::to_read(&store.path, &FileSystem::of(&store.path)).unwrap();
     let snapshot = exports.unchecked_transaction().unwrap();
     let count = |connection: &Connection| -> i64 {
         connection

@@ -2,7 +2,7 @@
 
 use super::{APPLICATION, FURTHER_TABLES, new_folder};
 use crate::{
-    Store, StoreError,
+    FileSystem, Store, StoreError,
     blocking::{in_background, shared},
     campaigns::number_of,
     checkpoints::{CheckpointError, Checkpoints},
@@ -153,7 +153,12 @@ fn create(path: &Path, source: &Path) -> rusqlite::Result<Connection> {
     schema::create(&mut connection)?;
     connection.execute_batch(FURTHER_TABLES)?;
     connection.pragma_update(None, "application_id", APPLICATION)?;
-    let source = format!("file:{}?mode=ro", uri_path(source));
+    // On a shared file system, this process's own connections share the log's index by the same kind of access.
+    let access = match FileSystem::of(source).is_local() {
+        true => "mode=ro",
+        false => "mode=rw&vfs=unix-excl",
+    };
+    let source = format!("file:{}?{access}", uri_path(source));
     connection.execute("ATTACH ?1 AS source", [source])?;
     Ok(connection)
 }

@@ -1,0 +1,424 @@
+//! The lease of a data directory: it tells which process holds the directory where locks of files do not.
+//!
+//! On some file systems, locks are local to each mount (NFS with `nolock`, Lustre with `localflock`, sshfs), so two processes can
+//! lock the same file. A holder therefore makes the file `lease/NUMBER.json`, with the next number: a file system makes a new file
+//! for only one of several processes. The holder writes a counter into `lease/NUMBER.beat` every [`BEAT`]. A process takes over if
+//! the former holder has ended, or if its counter did not change for [`SILENCE`]; it then removes the file of the former holder,
+//! who looks for this file before and after each commit.
+
+use super::{FileSystem, StoreError};
+use murmuration_files::expect_regular;
+use rustix::{
+    process::{Pid, test_kill_process},
+    time::{ClockId, clock_gettime},
+};
+use std::{
+    fs, io,
+    os::unix::fs::OpenOptionsExt as _,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicI64, Ordering},
+    thread,
+    time::{Duration, Instant},
+};
+use tokio::sync::watch;
+
+/// Name of the folder of leases in a data directory.
+pub(super) const FOLDER: &str = "lease";
+/// Time from one change of the counter to the next one.
+pub(super) const BEAT: Duration = Duration::from_millis(if cfg!(test) { 100 } else { 2_000 });
+/// A holder whose counter does not change for this time is taken to have ended.
+const SILENCE: Duration = Duration::from_secs(if cfg!(test) { 2 } else { 20 });
+/// Pause between two looks at another process's counter.
+const LOOK_PAUSE: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 200 });
+/// Bytes that are read of a file of a lease; a file of Murmuration has about 200 bytes.
+const MAX_BYTES: u64 = 4 << 10;
+
+/// A lease that this process holds.
+#[derive(Debug)]
+pub(super) struct Lease {
+    data: PathBuf,
+    number: u64,
+    holder: Holder,
+    /// When the counter was changed last, in seconds of the clock that also counts while the machine is suspended.
+    beaten: AtomicI64,
+    /// Whether another process has taken the data directory over.
+    lost: watch::Sender<bool>,
+}
+
+/// The process that took a lease, as the file of the lease describes it.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+struct Holder {
+    /// Name of the machine.
+    machine: String,
+    /// Identity of this run of the machine's kernel; empty if it is unknown.
+    boot: String,
+    /// Identity of the group of processes in which `process` is a number; empty if it is unknown.
+    processes: String,
+    process: i32,
+    /// When the process began, in the kernel's ticks; `None` if it is unknown.
+    began: Option<u64>,
+    /// Whether the holder reaches the data directory through a local file system, so that its lock excludes all processes of its
+    /// kernel.
+    is_local: bool,
+    /// Whether the holder has given the lease back.
+    ended: bool,
+}
+
+/// What is known about the former holder of a data directory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Former {
+    Runs,
+    Ended,
+    /// Nothing has been heard for [`SILENCE`]: the process can still run, and write what it had begun to write.
+    Silent,
+}
+
+/// Why a lease was not taken.
+#[derive(Debug)]
+pub(super) enum Refusal {
+    /// Another process holds the data directory.
+    Held,
+    Failed {
+        doing: &'static str,
+        path: PathBuf,
+        source: io::Error,
+    },
+}
+
+impl Lease {
+    /// Takes the lease of the data directory `data`. `locked` tells whether this process has the lock of the directory. Also
+    /// returns whether the former holder may still run.
+    pub(super) fn take(data: &Path, file_system: &FileSystem, locked: bool) -> Result<(Self, bool), Refusal> {
+        let folder = data.join(FOLDER);
+        make_folder(&folder).map_err(failed("make", &folder))?;
+        let newest = newest(&folder)?;
+        let own = Holder::current(file_system);
+        let former = match newest {
+            None => Former::Ended,
+            Some(number) => former(&folder, number, &own, locked)?,
+        };
+        if former == Former::Runs {
+            return Err(Refusal::Held);
+        }
+        let full = || io::Error::other("its numbers are used up: remove the folder");
+        let number = newest.unwrap_or(0).checked_add(1);
+        let number = number.ok_or_else(full).map_err(failed("use", &folder))?;
+        let lease = Self {
+            data: data.to_path_buf(),
+            number,
+            holder: own,
+            beaten: AtomicI64::new(0),
+            lost: watch::Sender::new(false),
+        };
+        lease.make(&folder)?;
+        Ok((lease, former == Former::Silent))
+    }
+
+    fn make(&self, folder: &Path) -> Result<(), Refusal> {
+        let path = self.path();
+        let made = fs::File::options()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&path);
+        match made {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(Refusal::Held),
+            made => drop(made.map_err(failed("make", &path))?),
+        }
+        let begun = self.write(&self.holder).and_then(|()| self.beat(0));
+        let abandoned = |refusal| {
+            self.remove(self.number);
+            refusal
+        };
+        begun.map_err(failed("write", &path)).map_err(abandoned)?;
+        // A process that was slow to make this file may be late: others have taken later leases meanwhile.
+        if newest_of(&numbers(folder)?) != Some(self.number) {
+            return Err(abandoned(Refusal::Held));
+        }
+        for older in numbers(folder)? {
+            if older < self.number {
+                self.remove(older);
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails if another process has taken the data directory over.
+    ///
+    /// # Errors
+    /// [`StoreError::TakenOver`], and any other error if it cannot be determined who holds the directory.
+    pub(super) fn check(&self) -> Result<(), StoreError> {
+        let path = self.path();
+        match fs::File::open(&path) {
+            Ok(_) => Ok(()),
+            Err(error) if is_gone(&error) => {
+                self.lost.send_replace(true);
+                Err(StoreError::TakenOver(self.data.clone()))
+            }
+            // Nobody takes over before `SILENCE` is over.
+            Err(_) if self.seconds_since_beat() < SILENCE.as_secs().cast_signed() / 2 => Ok(()),
+            Err(error) => Err(StoreError::from_io(error, "read", &path)),
+        }
+    }
+
+    /// Changes the counter to `count`, so that other processes see that this process runs.
+    pub(super) fn beat(&self, count: u64) -> io::Result<()> {
+        let now = seconds();
+        let path = self.beat_path();
+        fs::write(&path, count.to_string())?;
+        self.beaten.store(now, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits.
+    pub(super) fn end(&self) {
+        if self.check().is_ok() {
+            let ended = Holder {
+                ended: true,
+                ..self.holder.clone()
+            };
+            let _ = self.write(&ended);
+            let _ = fs::remove_file(self.beat_path());
+        }
+    }
+
+    /// Becomes true when another process has taken the data directory over.
+    pub(super) fn lost(&self) -> watch::Receiver<bool> {
+        self.lost.subscribe()
+    }
+
+    fn write(&self, holder: &Holder) -> io::Result<()> {
+        // A process that reads meanwhile sees one of the two contents.
+        let path = self.path();
+        let new = path.with_extension("new");
+        fs::write(&new, serde_json::to_vec(holder)?)?;
+        fs::rename(&new, &path)
+    }
+
+    fn remove(&self, number: u64) {
+        let folder = self.data.join(FOLDER);
+        // A file that stays does no harm: only the newest lease counts.
+        for extension in ["json", "beat", "new"] {
+            let _ = fs::remove_file(folder.join(format!("{number}.{extension}")));
+        }
+    }
+
+    fn seconds_since_beat(&self) -> i64 {
+        seconds() - self.beaten.load(Ordering::Relaxed)
+    }
+
+    fn path(&self) -> PathBuf {
+        file_of(&self.data.join(FOLDER), self.number)
+    }
+
+    fn beat_path(&self) -> PathBuf {
+        beat_of(&self.data.join(FOLDER), self.number)
+    }
+}
+
+impl Holder {
+    fn current(file_system: &FileSystem) -> Self {
+        let text =
+            |text: io::Result<String>| text.map_or_else(|_| String::new(), |text| text.trim().to_owned());
+        let processes = fs::read_link("/proc/self/ns/pid").map(|link| link.display().to_string());
+        let process = rustix::process::getpid();
+        Self {
+            machine: rustix::system::uname().nodename().to_string_lossy().into_owned(),
+            boot: text(fs::read_to_string("/proc/sys/kernel/random/boot_id")),
+            processes: text(processes),
+            process: process.as_raw_pid(),
+            began: Life::of(process).map(|life| life.began),
+            is_local: file_system.is_local(),
+            ended: false,
+        }
+    }
+
+    /// Whether the process runs, as far as the process `own` can tell.
+    fn runs(&self, own: &Self) -> Option<bool> {
+        let is_known = !own.boot.is_empty() && !own.processes.is_empty();
+        if !is_known || (&self.boot, &self.processes) != (&own.boot, &own.processes) {
+            return None;
+        }
+        let process = Pid::from_raw(self.process)?;
+        if test_kill_process(process) == Err(rustix::io::Errno::SRCH) {
+            return Some(false);
+        }
+        let life = Life::of(process)?;
+        Some(life.runs && Some(life.began) == self.began)
+    }
+}
+
+/// The life of a process, from `/proc/PID/stat` (see proc(5)).
+struct Life {
+    began: u64,
+    runs: bool,
+}
+
+impl Life {
+    /// `None` if the system does not tell.
+    fn of(process: Pid) -> Option<Self> {
+        let process = process.as_raw_pid();
+        let line = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+        // The name of the program, which can have spaces and parentheses, ends with the last parenthesis.
+        let (_, fields) = line.rsplit_once(") ")?;
+        let mut fields = fields.split(' ');
+        let has_ended = matches!(fields.next()?, "Z" | "X");
+        let began = fields.nth(18)?.parse().ok()?;
+        let threads = fs::read_dir(format!("/proc/{process}/task"));
+        Some(Self {
+            began,
+            // The first thread can have ended while others still write.
+            runs: !has_ended || threads.map_or(0, Iterator::count) > 1,
+        })
+    }
+}
+
+/// Looks at the holder of lease `number`: waits up to [`SILENCE`] for a sign of it, if nothing else tells whether it runs.
+fn former(folder: &Path, number: u64, own: &Holder, locked: bool) -> Result<Former, Refusal> {
+    // The lock of a local file system excludes all processes that reach the directory in the same way.
+    let excludes = locked && own.is_local;
+    let begun = Instant::now();
+    let count = beat_count(folder, number);
+    loop {
+        match read(folder, number)? {
+            Read::Gone => return Ok(Former::Ended),
+            Read::Holder(holder) => {
+                let excludes = excludes && holder.is_local;
+                match holder.runs(own) {
+                    _ if holder.ended => return Ok(Former::Ended),
+                    Some(true) => return Ok(Former::Runs),
+                    Some(false) => return Ok(Former::Ended),
+                    None if excludes => return Ok(Former::Ended),
+                    None => {}
+                }
+                if begun.elapsed() < LOOK_PAUSE {
+                    tracing::warn!(
+                        machine = holder.machine,
+                        folder = %folder.display(),
+                        "the data directory's last process did not give it back: waiting up to {} s for a sign of it",
+                        SILENCE.as_secs()
+                    );
+                }
+            }
+            Read::Empty if excludes => return Ok(Former::Ended),
+            // Its process is about to write it.
+            Read::Empty => {}
+        }
+        if beat_count(folder, number) != count {
+            return Ok(Former::Runs);
+        }
+        if begun.elapsed() >= SILENCE {
+            return Ok(Former::Silent);
+        }
+        thread::sleep(LOOK_PAUSE);
+    }
+}
+
+/// Whether another process holds the data directory `data`. Waits as [`Lease::take`] does, and changes nothing.
+pub(super) fn is_held(data: &Path, file_system: &FileSystem, locked: bool) -> Result<bool, Refusal> {
+    let folder = data.join(FOLDER);
+    let numbers = match fs::symlink_metadata(&folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        _ => numbers(&folder)?,
+    };
+    let Some(number) = newest_of(&numbers) else {
+        return Ok(false);
+    };
+    Ok(former(&folder, number, &Holder::current(file_system), locked)? == Former::Runs)
+}
+
+enum Read {
+    Gone,
+    Empty,
+    Holder(Holder),
+}
+
+fn read(folder: &Path, number: u64) -> Result<Read, Refusal> {
+    let path = file_of(folder, number);
+    let bytes = match read_short(&path) {
+        Ok(bytes) if bytes.is_empty() => return Ok(Read::Empty),
+        Ok(bytes) => bytes,
+        Err(error) if is_gone(&error) => return Ok(Read::Gone),
+        Err(source) => return Err(failed("read", &path)(source)),
+    };
+    let foreign = |_| io::Error::other("it is not Murmuration's: name another folder as the data directory");
+    let holder = serde_json::from_slice(&bytes).map_err(foreign);
+    Ok(Read::Holder(holder.map_err(failed("use", &path))?))
+}
+
+fn beat_count(folder: &Path, number: u64) -> Option<Vec<u8>> {
+    read_short(&beat_of(folder, number)).ok()
+}
+
+/// Opens a file anew, and reads it: a network file system fetches new contents when a file is opened.
+fn read_short(path: &Path) -> io::Result<Vec<u8>> {
+    use io::Read as _;
+    expect_regular(path)?;
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn newest(folder: &Path) -> Result<Option<u64>, Refusal> {
+    Ok(newest_of(&numbers(folder)?))
+}
+
+fn newest_of(numbers: &[u64]) -> Option<u64> {
+    numbers.iter().max().copied()
+}
+
+/// Numbers of the leases in a folder.
+fn numbers(folder: &Path) -> Result<Vec<u64>, Refusal> {
+    let number = |entry: io::Result<fs::DirEntry>| {
+        let name = entry.map_err(failed("list", folder))?.file_name();
+        let number = name.to_str().and_then(|name| name.strip_suffix(".json"));
+        Ok(number.and_then(|number| number.parse().ok()))
+    };
+    let entries = fs::read_dir(folder).map_err(failed("list", folder))?;
+    entries.map(number).filter_map(Result::transpose).collect()
+}
+
+/// Makes the folder of leases. In another user's data directory, the folder could be a link to anywhere.
+fn make_folder(folder: &Path) -> io::Result<()> {
+    let mut new = fs::DirBuilder::new();
+    std::os::unix::fs::DirBuilderExt::mode(&mut new, 0o700);
+    match new.create(folder) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            match fs::symlink_metadata(folder)?.is_dir() {
+                true => Ok(()),
+                false => Err(io::Error::other("it is not a folder")),
+            }
+        }
+        made => made,
+    }
+}
+
+fn file_of(folder: &Path, number: u64) -> PathBuf {
+    folder.join(format!("{number}.json"))
+}
+
+fn beat_of(folder: &Path, number: u64) -> PathBuf {
+    folder.join(format!("{number}.beat"))
+}
+
+/// Whether a file was removed, as a local file system or NFS reports it.
+fn is_gone(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::NotFound | io::ErrorKind::StaleNetworkFileHandle
+    )
+}
+
+/// Seconds of the clock that also counts while the machine is suspended.
+fn seconds() -> i64 {
+    #[cfg(target_os = "linux")]
+    let clock = ClockId::Boottime;
+    #[cfg(not(target_os = "linux"))]
+    let clock = ClockId::Monotonic;
+    clock_gettime(clock).tv_sec
+}
+
+fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Refusal + use<> {
+    let path = path.to_path_buf();
+    move |source| Refusal::Failed { doing, path, source }
+}
