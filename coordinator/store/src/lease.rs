@@ -422,3 +422,6 @@ fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Refusal
     let path = path.to_path_buf();
     move |source| Refusal::Failed { doing, path, source }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+use super::*;
+use crate::{DataDirectory, Store};
+use std::{
+    process::Command,
+    sync::{Barrier, atomic::AtomicBool},
+};
+
+fn shared() -> FileSystem {
+    FileSystem::of_kind("nfs4".to_owned())
+}
+
+/// Takes the lease as the only process that has the lock of a local file system.
+fn take(data: &Path) -> Result<(Lease, bool), Refusal> {
+    Lease::take(data, &FileSystem::of_kind("ext4".to_owned()), true)
+}
+
+/// The lease `number` of a process on another machine, which reaches the folder over a network.
+fn elsewhere(data: &Path, number: u64, change: impl FnOnce(&mut Holder)) {
+    let folder = data.join(FOLDER);
+    make_folder(&folder).unwrap();
+    let mut holder = Holder {
+        machine: "node-7".to_owned(),
+        boot: "another".to_owned(),
+        ..Holder::current(&shared())
+    };
+    change(&mut holder);
+    fs::write(file_of(&folder, number), serde_json::to_vec(&holder).unwrap()).unwrap();
+    fs::write(beat_of(&folder, number), "7").unwrap();
+}
+
+#[test]
+fn of_many_processes_one_gets_the_lease() {
+    for _ in 0..20 {
+        let folder = tempfile::tempdir().unwrap();
+        Lease::take(folder.path(), &shared(), false).unwrap().0.end();
+        let start = Barrier::new(8);
+        let taken: Vec<_> = thread::scope(|scope| {
+            let takers: Vec<_> = (0..8)
+                .map(|_| {
+                    scope.spawn(|| {
+                        start.wait();
+                        Lease::take(folder.path(), &shared(), false)
+                    })
+                })
+                .collect();
+            takers.into_iter().map(|taker| taker.join().unwrap()).collect()
+        });
+        let mut winners = Vec::new();
+        for one in taken {
+            match one {
+                Ok((lease, _)) => winners.push(lease),
+                Err(Refusal::Held) => {}
+                Err(failed) => panic!("{failed:?}"),
+            }
+        }
+        assert_eq!(winners.len(), 1);
+        winners[0].check().unwrap();
+    }
+}
+
+#[test]
+fn a_process_that_runs_keeps_its_lease_and_one_that_was_killed_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = take(folder.path()).unwrap().0;
+    // This process runs, whatever the lock says.
+    assert!(matches!(take(folder.path()), Err(Refusal::Held)));
+    own.check().unwrap();
+    own.end();
+    let mut child = Command::new("sleep").arg("100").spawn().unwrap();
+    let process = Pid::from_child(&child);
+    elsewhere(folder.path(), 2, |holder| {
+        holder.boot = Holder::current(&shared()).boot;
+        holder.process = process.as_raw_pid();
+        holder.began = Life::of(process).map(|life| life.began);
+    });
+    let refused = Lease::take(folder.path(), &shared(), false);
+    assert!(matches!(refused, Err(Refusal::Held)), "{refused:?}");
+    child.kill().unwrap();
+    // The killed process is not waited for, so the system still lists it.
+    while Life::of(process).is_some_and(|life| life.runs) {
+        thread::sleep(LOOK_PAUSE);
+    }
+    let begun = Instant::now();
+    let (lease, may_run) = Lease::take(folder.path(), &shared(), false).unwrap();
+    assert!(!may_run && begun.elapsed() < SILENCE && lease.number == 3);
+    child.wait().unwrap();
+    // Its number can belong to another process now.
+    lease.end();
+    elsewhere(folder.path(), 4, |holder| {
+        holder.boot = Holder::current(&shared()).boot;
+        holder.began = Some(1);
+    });
+    assert!(!Lease::take(folder.path(), &shared(), false).unwrap().1);
+}
+
+#[test]
+fn a_process_elsewhere_keeps_its_lease_while_its_counter_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere(folder.path(), 5, |_| {});
+    let beat = beat_of(&folder.path().join(FOLDER), 5);
+    let ended = AtomicBool::new(false);
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            for count in 8.. {
+                if ended.load(Ordering::Relaxed) {
+                    break;
+                }
+                thread::sleep(BEAT);
+                fs::write(&beat, count.to_string()).unwrap();
+            }
+        });
+        let refused = take(folder.path());
+        assert!(matches!(refused, Err(Refusal::Held)), "{refused:?}");
+        assert!(is_held(folder.path(), &shared(), false).unwrap());
+        ended.store(true, Ordering::Relaxed);
+    });
+    let begun = Instant::now();
+    let (lease, may_run) = take(folder.path()).unwrap();
+    assert!(may_run && begun.elapsed() >= SILENCE && lease.number == 6);
+}
+
+#[test]
+fn the_lock_of_a_local_file_system_suffices() {
+    let folder = tempfile::tempdir().unwrap();
+    // The last process of a container, whose successor has another name and another table of processes.
+    elsewhere(folder.path(), 1, |holder| holder.is_local = true);
+    let begun = Instant::now();
+    let (lease, may_run) = take(folder.path()).unwrap();
+    assert!(!may_run && begun.elapsed() < SILENCE && lease.number == 2);
+}
+
+#[test]
+fn files_that_are_not_leases_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let leases = folder.path().join(FOLDER);
+    fs::write(&leases, "a contract").unwrap();
+    let expect = |named: &str| match take(folder.path()) {
+        Err(Refusal::Failed { path, source, .. }) => {
+            assert!(
+                path.starts_with(&leases) && source.to_string().contains(named),
+                "{source}"
+            );
+        }
+        taken => panic!("{taken:?}"),
+    };
+    expect("not a folder");
+    fs::remove_file(&leases).unwrap();
+    fs::create_dir(&leases).unwrap();
+    fs::write(leases.join("notes.json"), "{}").unwrap();
+    fs::write(leases.join("3.json"), "{}").unwrap();
+    expect("not Murmuration's");
+    fs::remove_file(leases.join("3.json")).unwrap();
+    elsewhere(folder.path(), u64::MAX, |holder| holder.ended = true);
+    expect("used up");
+    fs::remove_file(file_of(&leases, u64::MAX)).unwrap();
+    assert_eq!(take(folder.path()).unwrap().0.number, 1);
+    assert_eq!(fs::read_to_string(leases.join("notes.json")).unwrap(), "{}");
+}
+
+#[test]
+fn a_process_that_was_taken_over_changes_nothing_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let store = Store::open(&held).unwrap();
+    store.write(|_| Ok(())).unwrap();
+    let other = Lease {
+        data: folder.path().to_path_buf(),
+        number: held.lease().number + 1,
+        holder: Holder::current(&shared()),
+        beaten: AtomicI64::new(0),
+        lost: watch::Sender::new(false),
+    };
+    // The counter of this process was not heard elsewhere.
+    other.make(&folder.path().join(FOLDER)).unwrap();
+    let mut is_run = false;
+    let change = store.write(|_| {
+        is_run = true;
+        Ok(())
+    });
+    let refused = change.unwrap_err();
+    assert!(
+        matches!(refused, StoreError::TakenOver(_)) && !is_run,
+        "{refused}"
+    );
+    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    let told = runtime.block_on(held.taken_over());
+    assert!(matches!(told, StoreError::TakenOver(_)), "{told}");
+    drop((store, held));
+    // The end of the former holder leaves the lease of the other as it is.
+    other.check().unwrap();
+}
+
+#[test]
+fn a_change_during_which_another_process_took_over_is_not_acknowledged() {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let store = Store::open(&held).unwrap();
+    let own = file_of(&folder.path().join(FOLDER), held.lease().number);
+    let change = store.write(|_| {
+        fs::remove_file(&own).unwrap();
+        Ok(())
+    });
+    assert!(matches!(change, Err(StoreError::TakenOver(_))));
+}
+
+#[test]
+fn a_process_that_takes_over_works_on_files_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = |data: &Path| Store::open(&DataDirectory::hold(data).unwrap()).unwrap();
+    drop(open(folder.path()));
+    let database = folder.path().join(Store::FILE);
+    let former = fs::File::options().write(true).open(&database).unwrap();
+    let ended = numbers(&folder.path().join(FOLDER)).unwrap();
+    elsewhere(folder.path(), newest_of(&ended).unwrap() + 1, |_| {});
+    let store = open(folder.path());
+    // The former holder goes on with what it had begun.
+    former.set_len(10).unwrap();
+    assert!(store.faults().unwrap().is_empty());
+}
