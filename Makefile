@@ -26,6 +26,7 @@ test-browser: tests-built browser
 
 # Injects faults into the real processes, in a short form; `make faults` fires all faults in full, for more than an hour.
 test-faults: tests-built runtime
+	@command -v bindfs >/dev/null || scripts/debian-packages bindfs
 	MURMURATION_BINARIES=$(CURDIR)/target/debug "$$(scripts/test-binary tests faults)"
 
 faults: build runtime

@@ -1,6 +1,7 @@
 //! The test harness: a whole cluster in one process on ephemeral loopback ports, and the real binaries for tests that kill
 //! processes. Functions of the harness panic on errors.
 
+mod bound_folder;
 mod built;
 mod cluster;
 mod fake_worker;
@@ -16,6 +17,7 @@ pub mod requirements;
 pub mod schemas;
 mod small_disk;
 
+pub use bound_folder::BoundFolder;
 pub use built::binary;
 pub use cluster::{Cluster, longer_spec, quick_dispatch, small_latent_spec, small_spec};
 pub use fake_worker::FakeWorker;

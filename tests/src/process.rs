@@ -121,8 +121,14 @@ impl Running {
     }
 
     /// Waits until the program ends by itself; returns its exit code.
-    pub fn wait(mut self) -> Option<i32> {
-        self.child.wait().unwrap().code()
+    pub fn wait(self) -> Option<i32> {
+        self.wait_and_hear().0
+    }
+
+    /// Waits as [`Running::wait`] does; returns the standard error too.
+    pub fn wait_and_hear(mut self) -> (Option<i32>, String) {
+        let code = self.child.wait().unwrap().code();
+        (code, self.output())
     }
 
     #[must_use]

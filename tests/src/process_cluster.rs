@@ -148,6 +148,11 @@ impl ProcessCluster {
         assert_eq!(code, Some(0), "{log}");
     }
 
+    /// Waits until the coordinator ends by itself; returns its exit code and standard error.
+    pub fn coordinator_ends(&mut self) -> (Option<i32>, String) {
+        self.coordinator.take().unwrap().wait_and_hear()
+    }
+
     /// Restarts the coordinator at the same address.
     pub fn start_coordinator(&mut self) {
         let mut coordinator = serve(

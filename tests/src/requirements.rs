@@ -1,6 +1,6 @@
 //! The requirements of tests besides this repository, and checks whether a machine meets them.
 
-use crate::SmallDisk;
+use crate::{BoundFolder, SmallDisk};
 use std::{
     env,
     process::{Command, Stdio},
@@ -19,6 +19,8 @@ pub enum Requirement {
     Python(&'static str),
     /// Permission to mount a file system in memory.
     Mount,
+    /// The programs `bindfs` and `unshare`, and permission to mount a folder a second time and to make a namespace of processes.
+    BoundFolders,
     /// Permission to make a network namespace, and the programs `ip` and `iptables` to drop the namespace's packets.
     NetworkNamespace,
     /// At least this many open files allowed per process.
@@ -70,6 +72,18 @@ impl Requirement {
                 allowed(
                     disk.is_some(),
                     "mounting a small file system is not allowed here: it needs root",
+                )
+            }
+            Self::BoundFolders => {
+                let reason = "there is no `bindfs` here (Debian: apt-get install bindfs)";
+                installed(on_path("bindfs").is_some(), reason)?;
+                let folder = tempfile::tempdir().unwrap();
+                let [of, at] = ["of", "at"].map(|name| folder.path().join(name));
+                let is_possible = BoundFolder::mount(&of, &at).is_some()
+                    && succeeds("unshare", &["--pid", "--fork", "--kill-child", "true"]);
+                allowed(
+                    is_possible,
+                    "mounting a folder with `bindfs`, or `unshare --pid`, is not allowed here: it needs root and /dev/fuse",
                 )
             }
             Self::NetworkNamespace => {

@@ -11,6 +11,7 @@ mod clock;
 mod decisions;
 mod disk;
 mod kills;
+mod mounts;
 mod network;
 mod overload;
 mod proxy;
@@ -20,7 +21,7 @@ mod workers;
 
 use campaign::Undisturbed;
 use murmuration_tests::{
-    Requirement::{self, Mount, NetworkNamespace, OpenFiles},
+    Requirement::{self, BoundFolders, Mount, NetworkNamespace, OpenFiles},
     Test, run_one_by_one,
 };
 use std::{
@@ -76,7 +77,7 @@ impl Scale {
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
 /// Faults and their requirements.
-const SCENARIOS: [(&str, Scenario, &[Requirement]); 22] = [
+const SCENARIOS: [(&str, Scenario, &[Requirement]); 23] = [
     ("workers killed", kills::workers, &[]),
     ("coordinator killed", kills::coordinator, &[]),
     ("trainer killed", kills::trainer, &[]),
@@ -95,6 +96,7 @@ const SCENARIOS: [(&str, Scenario, &[Requirement]); 22] = [
     ("full disk", disk::full, &[Mount]),
     ("failing disk", disk::failing, &[]),
     ("read-only disk", disk::read_only, &[]),
+    ("two coordinators", mounts::two_coordinators, &[BoundFolders]),
     ("clock jumps", clock::jumps, &[]),
     ("connections", overload::connections, &[]),
     ("limits", overload::limits, &[OpenFiles(overload::FILES)]),
