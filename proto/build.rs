@@ -52,6 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/evaluation.proto",
             "murmuration/v1/transfer.proto",
             "murmuration/v1/study.proto",
+            "murmuration/v1/node.proto",
         ],
         ["."],
     )?;

@@ -27,13 +27,15 @@ use murmuration_proto::{
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
         evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-        study_service_server::StudyServiceServer, trainer_service_server::TrainerServiceServer,
-        transfer_service_server::TransferServiceServer, worker_service_server::WorkerServiceServer,
+        node_service_server::NodeServiceServer, study_service_server::StudyServiceServer,
+        trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
+        worker_service_server::WorkerServiceServer,
     },
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Recent, StudyApi, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, Recent, StudyApi, TrainerApi, TransferApi,
+    WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
@@ -220,6 +222,7 @@ impl Coordinator {
             LabelServiceServer::<LabelApi>::NAME,
             TransferServiceServer::<TransferApi>::NAME,
             StudyServiceServer::<StudyApi>::NAME,
+            NodeServiceServer::<NodeApi>::NAME,
         ];
         let health = readiness.service(&names).await;
         let probes = Probes {
@@ -232,6 +235,9 @@ impl Coordinator {
         let services = Services {
             campaigns: campaign_api,
             studies: StudyApi { store: store.clone() },
+            nodes: NodeApi {
+                campaigns: campaigns.clone(),
+            },
             transfers: TransferApi {
                 campaigns: campaigns.clone(),
                 store: store.clone(),

@@ -15,7 +15,8 @@ use murmuration_link::{
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
-    study_service_client::StudyServiceClient, transfer_service_client::TransferServiceClient,
+    node_service_client::NodeServiceClient, study_service_client::StudyServiceClient,
+    transfer_service_client::TransferServiceClient,
 };
 use murmuration_store::{DataDirectory, LockHolder, StoreError};
 use std::{
@@ -29,6 +30,7 @@ pub type Client = CampaignServiceClient<Coordinator>;
 pub type CheckpointClient = CheckpointServiceClient<Coordinator>;
 pub type EvaluationClient = EvaluationServiceClient<Coordinator>;
 pub type TransferClient = TransferServiceClient<Coordinator>;
+pub type NodeClient = NodeServiceClient<Coordinator>;
 pub type StudyClient = StudyServiceClient<Coordinator>;
 pub type LabelClient = LabelServiceClient<Coordinator>;
 
@@ -40,6 +42,7 @@ pub struct Connection {
     pub labels: LabelClient,
     pub transfers: TransferClient,
     pub studies: StudyClient,
+    pub nodes: NodeClient,
     /// The coordinator that this process started, if any.
     own: Option<LocalCluster>,
 }
@@ -116,7 +119,8 @@ impl Connection {
             evaluations: EvaluationClient::new(channel.clone()),
             labels: LabelClient::new(channel.clone()),
             transfers: TransferClient::new(channel.clone()),
-            studies: StudyClient::new(channel),
+            studies: StudyClient::new(channel.clone()),
+            nodes: NodeClient::new(channel),
             own: None,
         })
     }

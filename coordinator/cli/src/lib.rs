@@ -24,6 +24,7 @@ mod launch;
 mod link;
 mod maintenance;
 pub mod next_step;
+mod nodes;
 mod quarantine;
 mod recognise;
 mod report;
@@ -314,6 +315,8 @@ impl DataCommand {
 pub enum ClusterCommand {
     /// Run a coordinator for workers, trainers and browsers
     Serve(serve::Serve),
+    /// List the workers and trainers, and how many are wanted
+    Nodes(nodes::Nodes),
     /// Print a link that logs a browser in to a coordinator's pages
     Link(link::LinkCommand),
     /// Create an access token and its entry in the tokens file
@@ -330,6 +333,7 @@ impl ClusterCommand {
     fn execute(self, global: &Global) -> Execution<'_> {
         match self {
             Self::Serve(serve) => Box::pin(serve.execute(global)),
+            Self::Nodes(nodes) => Box::pin(nodes.execute(global)),
             Self::Link(link) => Box::pin(ready(link.execute(global))),
             Self::Token(token) => Box::pin(ready(token.execute(global.json))),
             Self::Certs(certs) => Box::pin(ready(certs.execute(global.json))),

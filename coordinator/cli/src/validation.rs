@@ -87,6 +87,14 @@ impl Validated for v1::Taxonomy {
     }
 }
 
+impl Validated for v1::Node {
+    fn validated(mut self) -> Result<Self, CliError> {
+        clean(&mut self.name);
+        self.work.iter_mut().for_each(|work| clean(&mut work.campaign));
+        Ok(self)
+    }
+}
+
 impl Validated for v1::FindNearestResponse {
     fn validated(mut self) -> Result<Self, CliError> {
         let others = self.labelled.iter_mut().chain(&mut self.medoid);

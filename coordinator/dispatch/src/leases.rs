@@ -319,6 +319,20 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.jobs.values().map(|job| job.queues.len()).sum()
     }
 
+    /// Number of tasks of a job without a settled result, and the cost of one task. (0, 0) if the job is over.
+    #[must_use]
+    pub fn unsettled(&self, job: JobId) -> (usize, u64) {
+        let job = self.jobs.get(&job);
+        job.map_or((0, 0), |job| (job.tasks.len() - job.settled, job.cost))
+    }
+
+    /// Number of threads of workers that hold tasks.
+    #[must_use]
+    pub fn busy_threads(&self) -> usize {
+        let workers = self.workers.iter();
+        workers.map(|(_, worker)| worker.tasks.min(worker.capacity)).sum()
+    }
+
     /// Number of leases that workers hold.
     #[must_use]
     pub const fn out(&self) -> usize {

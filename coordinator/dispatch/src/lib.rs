@@ -8,6 +8,7 @@ mod job_progress;
 pub mod leases;
 mod metrics;
 mod open_audits;
+mod pace;
 mod service;
 mod submitted;
 mod trainers;
@@ -21,6 +22,7 @@ pub use job_progress::JobProgress;
 pub use leases::{LeaseNumber, WorkerId};
 pub use metrics::{DispatchMetrics, Families, PeerKind, WorkKind};
 pub use trainers::Trainers;
+pub use work::{embedding_cost, simulation_cost};
 
 use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, SavedTraining};
 use murmuration_proto::v1;
@@ -59,6 +61,17 @@ pub struct WorkInHand {
     /// Campaign of the tasks, if any.
     pub campaign: Option<CampaignId>,
     pub tasks: usize,
+}
+
+/// How busy a dispatcher and its workers are.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Load {
+    /// Tasks of jobs without a campaign that have no accepted result yet.
+    pub tasks: usize,
+    /// Cost of these tasks, in steps of an agent.
+    pub steps: u64,
+    /// Measured seconds of a worker's thread for a step of an agent; `None` before the first result.
+    pub seconds_per_step: Option<f64>,
 }
 
 /// How the dispatcher treats its workers.
@@ -280,6 +293,9 @@ enum Request {
     },
     Connected {
         reply: oneshot::Sender<Vec<ConnectedMachine>>,
+    },
+    Load {
+        reply: oneshot::Sender<Load>,
     },
 }
 
@@ -518,6 +534,15 @@ impl Dispatch {
         match self.commands.send(request).await {
             Ok(()) => answer.await.unwrap_or_default(),
             Err(_) => Vec::new(),
+        }
+    }
+
+    /// How busy the dispatcher and its workers are; idle once the dispatcher has ended.
+    pub async fn load(&self) -> Load {
+        let (reply, answer) = oneshot::channel();
+        match self.commands.send(Command::Work(Request::Load { reply })).await {
+            Ok(()) => answer.await.unwrap_or_default(),
+            Err(_) => Load::default(),
         }
     }
 

@@ -8,8 +8,9 @@ use super::{
     submitted::{AnyJob, Vote},
 };
 use crate::{
-    ConnectedMachine, DispatchMetrics, WorkInHand,
+    ConnectedMachine, DispatchMetrics, Load, WorkInHand,
     leases::{Abilities, Grant, JobId, JobParams, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
+    pace::Pace,
 };
 use murmuration_link::trace_parent;
 use murmuration_model::{CampaignId, MachineId, Quarantined};
@@ -76,6 +77,7 @@ pub(super) struct Service {
     /// Time by which the lease table judges machines. It is the same for all messages of a wake, and stands still while the
     /// coordinator is stopped.
     clock: Instant,
+    pace: Pace,
 }
 
 /// A granted lease.
@@ -145,6 +147,7 @@ impl Service {
             given: BTreeMap::new(),
             woken: Instant::now(),
             clock: Instant::now(),
+            pace: Pace::default(),
         }
     }
 
@@ -166,6 +169,7 @@ impl Service {
                 }
                 _ = tick.tick() => {
                     self.wake();
+                    self.pace.look(self.table.busy_threads(), self.clock);
                     self.lose_silent_workers();
                 }
             }
@@ -263,6 +267,10 @@ impl Service {
             Request::Connected { reply } => {
                 // The client may have disconnected.
                 let _ = reply.send(self.connected());
+            }
+            Request::Load { reply } => {
+                // The client may have disconnected.
+                let _ = reply.send(self.load());
             }
         }
         false
@@ -579,6 +587,21 @@ impl Service {
     }
 
     /// All connected workers, by name.
+    fn load(&self) -> Load {
+        let jobs = self.jobs.iter();
+        let open = jobs.filter(|(_, job)| job.submitted.campaign().is_none() && job.audits.is_none());
+        let mut load = Load {
+            seconds_per_step: self.pace.seconds_per_step(),
+            ..Load::default()
+        };
+        for (&id, _) in open {
+            let (tasks, cost) = self.table.unsettled(id);
+            load.tasks += tasks;
+            load.steps = load.steps.saturating_add(cost.saturating_mul(tasks as u64));
+        }
+        load
+    }
+
     fn connected(&self) -> Vec<ConnectedMachine> {
         let mut machines: Vec<_> = self.workers.keys().map(|&id| self.machine(id)).collect();
         machines.sort_by(|one, other| one.name.cmp(&other.name));

@@ -100,8 +100,15 @@ pub(super) trait Work: Debug + Send + 'static {
 }
 
 /// Cost of a simulation, in steps of an agent.
-fn simulation_cost(world: &World) -> u64 {
+#[must_use]
+pub fn simulation_cost(world: &World) -> u64 {
     u64::from(world.agents()) * u64::from(world.horizon())
+}
+
+/// Cost of embedding the pictures of an individual, in steps of an agent.
+#[must_use]
+pub const fn embedding_cost(starts: Starts) -> u64 {
+    EMBEDDING_COST * starts.get() as u64
 }
 
 fn task(controller: &Controller, seed: u64) -> v1::EvaluationTask {
@@ -248,7 +255,7 @@ impl Work for EmbeddingJob {
     }
 
     fn cost(&self) -> u64 {
-        EMBEDDING_COST * self.starts.get() as u64
+        embedding_cost(self.starts)
     }
 
     fn is_audited(&self) -> bool {

@@ -4,6 +4,7 @@
 //! Limits: this crate uses neither the network nor HTML.
 
 pub mod campaign;
+pub mod demand;
 pub mod maps;
 mod messages;
 pub mod nearest;

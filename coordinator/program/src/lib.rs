@@ -23,8 +23,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 bad usage or input.";
 
 const EXAMPLES: &str = "\
 Examples:
-  murmuration run examples/quick.toml    search and write a report: 10 s
-  murmuration resume latest              continue after an interruption";
+  murmuration run examples/quick.toml    search and write a report: 10 s";
 
 /// Find and report the collective behaviours that a swarm of robots can show
 #[derive(Debug, Parser)]

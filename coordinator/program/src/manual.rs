@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(sections(&text), [&expected, &last[..]].concat());
         assert!(text.contains("\nmurmuration\\-lab(1)\n"), "{text}");
         assert!(
-            text.contains("\nmurmuration resume latest  # continue after an interruption\n"),
+            text.contains("\nmurmuration run examples/quick.toml  # search and write a report: 10 s\n"),
             "{text}"
         );
         assert!(

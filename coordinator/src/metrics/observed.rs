@@ -2,7 +2,10 @@
 
 use super::PREFIX;
 use murmuration_access::Seats;
-use murmuration_engine::campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign};
+use murmuration_engine::{
+    campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
+    demand::WITHIN,
+};
 use murmuration_model::CampaignState;
 use murmuration_store::{Store, StoreError};
 use prometheus_client::{
@@ -24,9 +27,8 @@ pub(super) async fn observe(
     // Few campaigns are active, so the statuses of active campaigns are read in full. For all other campaigns, the state is
     // enough.
     let heads = campaigns.heads().await?;
-    let at_work = heads.iter().filter(|listed| listed.active);
-    let at_work = at_work.map(|listed| listed.head.id.clone()).collect();
-    let statuses = campaigns.statuses(at_work).await?;
+    let statuses = campaigns.at_work().await?;
+    let demand = campaigns.demand(&statuses, None, WITHIN).await;
     let mut registry = Registry::with_prefix(PREFIX);
     for (name, help, value) in [
         (
@@ -38,6 +40,16 @@ pub(super) async fn observe(
             "label_entries",
             "Entries of the label logs of all campaigns",
             labels,
+        ),
+        (
+            "workers_wanted",
+            "Workers, like those that are connected, that would complete the open work in five minutes",
+            demand.workers.into(),
+        ),
+        (
+            "trainers_wanted",
+            "Trainers that the campaigns could use",
+            demand.trainers.into(),
         ),
     ] {
         let gauge: Gauge = Gauge::default();

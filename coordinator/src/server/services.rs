@@ -11,11 +11,13 @@ use murmuration_access::{
 use murmuration_proto::v1::{
     campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
     evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-    study_service_server::StudyServiceServer, trainer_service_server::TrainerServiceServer,
-    transfer_service_server::TransferServiceServer, worker_service_server::WorkerServiceServer,
+    node_service_server::NodeServiceServer, study_service_server::StudyServiceServer,
+    trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
+    worker_service_server::WorkerServiceServer,
 };
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, StudyApi, TrainerApi, TransferApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, StudyApi, TrainerApi, TransferApi,
+    WorkerApi,
 };
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -78,6 +80,11 @@ const STUDIES: MethodRequirements = &[
     ("KeepStudy", OPERATOR, Reading),
 ];
 
+const NODES: MethodRequirements = &[
+    ("ListNodes", VIEWER, Light),
+    ("GetDemand", AnyMachineOr(Role::Viewer), Light),
+];
+
 const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Free)];
 
 const TRAINERS: MethodRequirements = &[
@@ -99,6 +106,7 @@ pub(super) struct Services {
     pub(super) trainers: TrainerApi,
     pub(super) transfers: TransferApi,
     pub(super) studies: StudyApi,
+    pub(super) nodes: NodeApi,
 }
 
 impl Services {
@@ -119,5 +127,6 @@ impl Services {
             .service(TrainerServiceServer::new(self.trainers), TRAINERS)
             .service(TransferServiceServer::new(self.transfers), TRANSFERS)
             .service(StudyServiceServer::new(self.studies), STUDIES)
+            .service(NodeServiceServer::new(self.nodes), NODES)
     }
 }

@@ -29,7 +29,7 @@ impl Kind {
 }
 
 /// The kinds of documents that the client's commands print.
-pub const KINDS: [Kind; 26] = [
+pub const KINDS: [Kind; 28] = [
     Kind::of::<Document<'_, v1::Campaign>>(
         "campaign",
         "A campaign and its progress: list, show, watch, submit, pause, cancel, import",
@@ -61,6 +61,11 @@ pub const KINDS: [Kind; 26] = [
     Kind::of::<LiftedQuarantine>(
         "lifted-quarantine",
         "The machine that left quarantine: quarantine --lift",
+    ),
+    Kind::of::<Document<'_, v1::Node>>("node", "A connected worker or trainer: nodes"),
+    Kind::of::<Document<'_, v1::Demand>>(
+        "demand",
+        "How many workers the open work could use: nodes --wanted",
     ),
     Kind::of::<Link>("link", "A link to the pages of a coordinator: link"),
     Kind::of::<Token>("token", "A new token: token"),

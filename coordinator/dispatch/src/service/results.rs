@@ -61,6 +61,8 @@ impl Service {
             }
             outcome => match job.submitted.keep(places, outcome, kind) {
                 Ok(votes) => {
+                    let (_, cost) = self.table.unsettled(id);
+                    self.pace.complete(cost.saturating_mul(votes.len() as u64));
                     if let Some(Given { at, .. }) = given {
                         self.metrics
                             .answered(job.submitted.kind(), votes.len(), at.elapsed());

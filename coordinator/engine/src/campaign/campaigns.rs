@@ -9,7 +9,7 @@ use super::{
     run,
     run_handle::{Progress, RunHandle, held_up_by},
 };
-use crate::synthetic::SyntheticAnnotator;
+use crate::{demand::Demand, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Trainers};
 use murmuration_model::{
     CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage, TimeLeft,
@@ -20,6 +20,7 @@ use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Notice, Started, Store, StoreError, checkpoints::Checkpoints};
 use murmuration_swarm::{Controller, EmbedderSource, Evaluation, Feedback, World};
 use std::{
+    num::NonZeroU32,
     sync::Arc,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
@@ -318,6 +319,39 @@ impl Campaigns {
         };
         let (record, notices) = self.context.store.run(read).await?;
         Ok(self.merged(snapshot, record, notices))
+    }
+
+    /// The statuses of the campaigns that this process works on.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn at_work(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
+        let at_work = self.registry.snapshots().into_iter();
+        let active = at_work.filter(|(_, snapshot)| snapshot.active);
+        self.statuses(active.map(|(id, _)| id).collect()).await
+    }
+
+    /// How many workers of `threads` threads the campaigns at work and other requests could use, if their work should be done
+    /// `within` this time. By default, a worker has as many threads as the connected workers on average.
+    pub async fn demand(
+        &self,
+        at_work: &[CampaignStatus],
+        threads: Option<NonZeroU32>,
+        within: Duration,
+    ) -> Demand {
+        let dispatch = &self.context.dispatch;
+        let (load, connected) = tokio::join!(dispatch.load(), dispatch.connected());
+        let all: Vec<_> = connected
+            .iter()
+            .map(|worker| worker.capacity)
+            .filter(|&threads| threads > 0)
+            .collect();
+        let mean = || {
+            let mean = all.iter().sum::<usize>().checked_div(all.len());
+            mean.and_then(|mean| NonZeroU32::new(mean as u32))
+                .unwrap_or(NonZeroU32::MIN)
+        };
+        Demand::of(at_work, &load, threads.unwrap_or_else(mean), within)
     }
 
     /// The workers and trainers that are connected to this coordinator, each by name.

@@ -1,0 +1,98 @@
+//! Nodes: the connected workers and trainers, and how many of them the open work could use.
+
+use super::{Streamed, in_parts};
+use crate::status::OrStatus as _;
+use murmuration_dispatch::{ConnectedMachine, WorkInHand, WorkKind};
+use murmuration_engine::{
+    campaign::Campaigns,
+    demand::{Demand, WITHIN},
+};
+use murmuration_proto::{parts::parts, v1};
+use murmuration_swarm::Invalid;
+use std::{num::NonZeroU32, ops::RangeInclusive, time::Duration};
+use tonic::{Request, Response, Status};
+
+const SECONDS: RangeInclusive<f64> = 1.0..=1e6;
+const THREADS: RangeInclusive<u32> = 1..=65_536;
+
+/// Implements `murmuration.v1.NodeService`.
+#[derive(Debug, Clone)]
+pub struct NodeApi {
+    pub campaigns: Campaigns,
+}
+
+#[tonic::async_trait]
+impl v1::node_service_server::NodeService for NodeApi {
+    type ListNodesStream = Streamed<v1::ListNodesResponse>;
+
+    async fn list_nodes(
+        &self,
+        _: Request<v1::ListNodesRequest>,
+    ) -> Result<Response<Self::ListNodesStream>, Status> {
+        let (workers, trainers) = self.campaigns.machines().await;
+        let workers = workers.into_iter().map(|one| node(one, v1::NodeKind::Worker));
+        let trainers = trainers.into_iter().map(|one| node(one, v1::NodeKind::Trainer));
+        let part = |nodes| v1::ListNodesResponse { nodes };
+        Ok(in_parts(parts(workers.chain(trainers), part)))
+    }
+
+    async fn get_demand(
+        &self,
+        request: Request<v1::GetDemandRequest>,
+    ) -> Result<Response<v1::Demand>, Status> {
+        let v1::GetDemandRequest { threads, seconds } = request.into_inner();
+        let threads = threads.map(|threads| of_request(threads)).transpose()?;
+        let within = match seconds {
+            None => WITHIN,
+            Some(seconds) if SECONDS.contains(&seconds) => Duration::from_secs_f64(seconds),
+            Some(seconds) => return Err(Invalid::new("seconds", seconds, "1 to 1,000,000").into()),
+        };
+        let statuses = self.campaigns.at_work().await.or_status()?;
+        let demand = self.campaigns.demand(&statuses, threads, within).await;
+        Ok(Response::new(message(demand)))
+    }
+}
+
+fn of_request(threads: u32) -> Result<NonZeroU32, Invalid> {
+    let allowed = || Invalid::new("threads", threads, "1 to 65,536");
+    let threads = NonZeroU32::new(threads).filter(|threads| THREADS.contains(&threads.get()));
+    threads.ok_or_else(allowed)
+}
+
+fn message(demand: Demand) -> v1::Demand {
+    let Demand {
+        workers,
+        trainers,
+        tasks,
+        thread_seconds,
+    } = demand;
+    v1::Demand {
+        workers,
+        trainers,
+        tasks,
+        thread_seconds,
+    }
+}
+
+fn node(machine: ConnectedMachine, kind: v1::NodeKind) -> v1::Node {
+    let work = |work: WorkInHand| v1::NodeWork {
+        kind: of_work(work.kind).into(),
+        campaign: work.campaign.map(|id| id.to_string()).unwrap_or_default(),
+        tasks: work.tasks as u32,
+    };
+    v1::Node {
+        name: machine.name,
+        kind: kind.into(),
+        threads: machine.capacity as u32,
+        work: machine.work.into_iter().map(work).collect(),
+    }
+}
+
+const fn of_work(kind: WorkKind) -> v1::WorkKind {
+    match kind {
+        WorkKind::Evaluation => v1::WorkKind::Evaluation,
+        WorkKind::Embedding => v1::WorkKind::Embedding,
+        WorkKind::Replay => v1::WorkKind::Replay,
+        WorkKind::Training => v1::WorkKind::Training,
+    }
+}
