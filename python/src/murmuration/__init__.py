@@ -12,6 +12,8 @@ All results come from a coordinator, over the same contract that the programs us
 `murmuration.v1`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._campaign import Campaign
 from ._client import Client, connect, local
 from ._errors import (
@@ -28,6 +30,12 @@ from ._errors import (
 from ._evaluations import Evaluations
 from ._found import Replay, Taxonomy
 from ._tables import FEATURES, matrix
+from ._workers import Worker
+
+if TYPE_CHECKING:
+    from ._dask import Adaptive as DaskAdaptive
+    from ._dask import on_dask
+    from ._ray import on_ray
 
 __version__ = "0.1.0"
 
@@ -38,6 +46,7 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Client",
+    "DaskAdaptive",
     "Evaluations",
     "InvalidError",
     "MurmurationError",
@@ -47,8 +56,24 @@ __all__ = [
     "Replay",
     "Taxonomy",
     "UnavailableError",
+    "Worker",
     "__version__",
     "connect",
     "local",
     "matrix",
+    "on_dask",
+    "on_ray",
 ]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    # Dask and Ray are extras, and importing them takes a second.
+    if name in ("on_dask", "DaskAdaptive"):
+        from . import _dask
+
+        return _dask.Adaptive if name == "DaskAdaptive" else _dask.on_dask
+    if name == "on_ray":
+        from ._ray import on_ray
+
+        return on_ray
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -52,6 +52,16 @@ def whole(field: str, given: object, least: int, most: int) -> int:
     raise InvalidError.of(field, shown(number), limit)
 
 
+def positive(field: str, given: object) -> float:
+    """A number above 0 of Python, numpy or pyarrow, which is not infinite."""
+    number = plain(given)
+    if isinstance(number, (int, float, np.integer, np.floating)) and not isinstance(number, bool):
+        value = float(number)
+        if 0 < value < float("inf"):
+            return value
+    raise InvalidError.of(field, shown(number), "a number above 0")
+
+
 def flag(field: str, given: object) -> bool:
     """A truth value of Python or numpy."""
     if isinstance(given, (bool, np.bool_)):

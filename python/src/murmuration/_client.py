@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import os
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,13 +17,15 @@ from . import _answers as answers
 from . import _programs as programs_
 from ._access import Access, default_file
 from ._access import read as read_access
-from ._arguments import flag, path, read, text, toml, whole, word
+from ._arguments import flag, path, positive, read, text, toml, whole, word
 from ._campaign import Campaign
 from ._cluster import Cluster
 from ._errors import InvalidError, NotFoundError, ProgramError, UnavailableError
 from ._evaluations import Evaluations, described, evaluate, replay
 from ._rpc import Connection
+from ._workers import Worker
 from .v1 import campaign_pb2 as v1
+from .v1 import node_pb2 as nodes
 
 Kind = TypeVar("Kind")
 
@@ -56,6 +58,7 @@ class Client:
         self.url = url
         self._ca, self._token, self._programs, self._cluster = ca, token, programs, cluster
         self._access, self._file = access, file
+        self._end_workers: Callable[[], None] | None = None
         pinned = access.certificate() if access and not ca else None
         trusted = ca.read_bytes() if ca else pinned
         name = access.name if access and pinned else None
@@ -88,11 +91,59 @@ class Client:
             raise InvalidError.of("page", page, "a path that begins with /")
         return self._access.link(page) if self._access else self.url + page
 
+    @property
+    def access_file(self) -> Path:
+        """The access file of the coordinator, for workers and commands elsewhere.
+
+        Raises:
+            InvalidError: If the client was connected by a URL.
+
+        Example:
+            >>> client.access_file.name
+            'access.json'
+        """
+        file = self._cluster.access_file if self._cluster else self._file
+        if file is None:
+            raise InvalidError("a client that was connected by a URL has no access file: `connect(access=...)` has one")
+        return file
+
+    def workers(self) -> list[Worker]:
+        """The connected workers, then the trainers, by name.
+
+        Example:
+            >>> [(worker.kind, worker.threads) for worker in client.workers()]
+            [('worker', 1), ('worker', 1), ('trainer', 1)]
+        """
+        listed = self.rpc.whole("NodeService/ListNodes", nodes.ListNodesRequest(), nodes.ListNodesResponse)
+        return [Worker.of(node) for node in listed.nodes]
+
+    def workers_wanted(self, threads: int = 1, *, seconds: float = 300) -> int:
+        """How many workers of `threads` threads would complete the open work within about `seconds`.
+
+        The open work is that of running campaigns and evaluations; its cost is measured on the connected workers. The
+        number is 0 without open work. It is never more than the tasks that can be done at the same time.
+
+        Example:
+            >>> client.workers_wanted()
+            0
+        """
+        request = nodes.GetDemandRequest(threads=whole("threads", threads, 1, 65_536))
+        request.seconds = positive("seconds", seconds)
+        return self.rpc.call("NodeService/GetDemand", request, nodes.Demand).workers
+
     def close(self) -> None:
-        """Closes the connection. A cluster that `local` started ends, which interrupts its running campaigns."""
-        self.rpc.close()
-        if self._cluster is not None:
-            self._cluster.close()
+        """Closes the connection. A cluster that `local` started ends, which interrupts its running campaigns.
+
+        Workers that `on_dask` or `on_ray` started end, too.
+        """
+        end_workers, self._end_workers = self._end_workers, None
+        try:
+            if end_workers is not None:
+                end_workers()
+        finally:
+            self.rpc.close()
+            if self._cluster is not None:
+                self._cluster.close()
 
     def run(
         self,
@@ -327,18 +378,23 @@ def local(
     *,
     workers: int | None = None,
     trainers: int | None = None,
+    listen: str | None = None,
+    contact: str | None = None,
     programs: str | os.PathLike[str] | None = None,
 ) -> Client:
     """Starts a cluster on this machine, and connects to it.
 
-    The cluster is one process (`murmuration serve`), which listens to this machine only. The cluster ends when the
-    client is closed, and when this process ends, even if this process is killed.
+    The cluster is one process (`murmuration serve`). The cluster ends when the client is closed, and when this process
+    ends, even if this process is killed.
 
     Args:
         data: The data directory, created if it does not exist; by default a temporary one, which is removed at the
             end. The running campaigns of a data directory continue.
         workers: Number of workers, 0 to 4096; by default one for each core.
         trainers: Number of trainers, 0 to 4096; by default one.
+        listen: The address and port to listen on, such as `"0.0.0.0:0"` for other machines too; by default a free port
+            of 127.0.0.1, which only this machine reaches. Workers elsewhere need the `access_file`.
+        contact: The name or address by which other machines reach this one; by default the name of this machine.
         programs: The folder of the programs; by default pip's folder for programs, or else the PATH.
 
     Raises:
@@ -354,8 +410,10 @@ def local(
         if count is not None:
             whole(field, count, 0, 4096)
     folder = Path(path("data", data)).absolute() if data is not None else None
+    listen = text("listen", listen) if listen is not None else None
+    contact = text("contact", contact) if contact is not None else None
     program = programs_.find(programs)
-    cluster = Cluster(program, folder, workers, trainers)
+    cluster = Cluster(program, folder, workers, trainers, listen, contact)
     access = Access(cluster.url, cluster.url, token=cluster.token)
     return Client(cluster.url, token=cluster.token, access=access, programs=program.parent, cluster=cluster)
 
@@ -412,6 +470,33 @@ def connect(
     except NotFoundError:
         # The coordinator has answered that it has no campaigns.
         pass
+    except BaseException:
+        client.close()
+        raise
+    return client
+
+
+def hosting(
+    start: Callable[[str], Callable[[], None]],
+    *,
+    access: str | os.PathLike[str] | None,
+    data: str | os.PathLike[str] | None,
+    trainers: int | None,
+    contact: str | None,
+    programs: str | os.PathLike[str] | None,
+) -> Client:
+    """A client whose workers an engine's processes start.
+
+    `start` takes the text of the access file of the coordinator, and returns the function that ends the workers.
+    """
+    if access is None:
+        client = local(data, workers=0, trainers=trainers, listen="0.0.0.0:0", contact=contact, programs=programs)
+    elif data is not None:
+        raise InvalidError.of("data", str(data), "left out where an access file names the coordinator")
+    else:
+        client = connect(access=access, programs=programs)
+    try:
+        client._end_workers = start(client.access_file.read_text(encoding="utf-8"))
     except BaseException:
         client.close()
         raise

@@ -30,21 +30,35 @@ class Cluster:
     """A coordinator with workers and trainers in its process.
 
     Attributes:
-        url: The URL of the coordinator.
+        url: The URL of the coordinator, for this machine.
         token: The token of this machine's commands; None if the coordinator requires none.
+        access_file: The access file of the coordinator.
     """
 
-    def __init__(self, program: Path, data: Path | None, workers: int | None, trainers: int | None) -> None:
-        """Starts the cluster, and waits until it answers. Without `data`, it has a temporary data directory."""
+    def __init__(
+        self,
+        program: Path,
+        data: Path | None,
+        workers: int | None,
+        trainers: int | None,
+        listen: str | None = None,
+        contact: str | None = None,
+    ) -> None:
+        """Starts the cluster, and waits until it answers. Without `data`, it has a temporary data directory.
+
+        `listen` is an address and port, by default any port of 127.0.0.1. `contact` is the name by which other machines
+        reach this machine.
+        """
         # The file has no name, so that the system deletes it.
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = os.getpid()
         own = "" if data else tempfile.mkdtemp(prefix="murmuration-")
         data = data or Path(own, "data")
-        command = [os.fspath(program), "serve", "--data", os.fspath(data), "--listen", "127.0.0.1:0"]
-        for option, count in (("--workers", workers), ("--trainers", trainers)):
-            if count is not None:
-                command += [option, str(count)]
+        self.access_file = data / "access.json"
+        command = [os.fspath(program), "serve", "--data", os.fspath(data), "--listen", listen or "127.0.0.1:0"]
+        for option, value in (("--workers", workers), ("--trainers", trainers), ("--contact", contact)):
+            if value is not None:
+                command += [option, str(value)]
         try:
             self._guard = _start_guard(command, own, self._log)
             # If the cluster was not closed, this function also runs at the interpreter's end.

@@ -1,0 +1,122 @@
+"""Workers on a Dask cluster: one on each Dask worker, for as long as it lives."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import uuid
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from ._client import Client, hosting
+from ._workers import WorkerProcess
+
+if TYPE_CHECKING:
+    import distributed
+
+try:
+    from distributed import WorkerPlugin
+    from distributed.deploy.adaptive import Adaptive as _Adaptive
+except ImportError as missing:
+    raise ImportError("`murmuration.on_dask` needs Dask: pip install murmuration[dask]") from missing
+
+
+class Workers(WorkerPlugin):
+    """Starts a `murmuration-worker` on each Dask worker, with as many threads, and ends it with the Dask worker."""
+
+    def __init__(self, access: str, programs: str | None) -> None:
+        """`access` is the text of the coordinator's access file; `programs` the folder of the programs there."""
+        self.name = f"murmuration-{uuid.uuid4().hex}"
+        self._access, self._programs = access, programs
+        self._process: WorkerProcess | None = None
+
+    def setup(self, worker: distributed.Worker) -> None:
+        """Starts the worker."""
+        name = f"dask {worker.name}"
+        self._process = WorkerProcess(self._access, name, worker.state.nthreads, self._programs)
+
+    async def teardown(self, worker: distributed.Worker) -> None:  # noqa: ARG002
+        """Ends the worker, which returns the work that it has not begun."""
+        if self._process is not None:
+            await asyncio.to_thread(self._process.close)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_process": None}
+
+
+class Adaptive(_Adaptive):
+    """Scales a Dask cluster by Murmuration's open work.
+
+    Example:
+        >>> cluster.adapt(Adaptive=mm.DaskAdaptive, murmuration=client, maximum=20)  # doctest: +SKIP
+    """
+
+    def __init__(self, cluster: Any, *, murmuration: Client, **options: Any) -> None:  # noqa: ANN401
+        """`murmuration` is the client whose coordinator's work counts; `options` are those of Dask's `Adaptive`."""
+        self._murmuration = murmuration
+        super().__init__(cluster, **options)
+
+    async def target(self) -> int:
+        """How many Dask workers the open work of both could use."""
+        specification = getattr(self.cluster, "new_spec", None) or {}
+        threads = specification.get("options", {}).get("nthreads") or 1
+        wanted = await asyncio.to_thread(self._murmuration.workers_wanted, int(threads))
+        return max(wanted, int(await super().target()))  # type: ignore[no-untyped-call]
+
+
+def on_dask(
+    dask: distributed.Client,
+    *,
+    access: str | os.PathLike[str] | None = None,
+    data: str | os.PathLike[str] | None = None,
+    trainers: int | None = None,
+    contact: str | None = None,
+    programs: str | os.PathLike[str] | None = None,
+    programs_there: str | None = None,
+) -> Client:
+    """Starts a worker on each worker of a Dask cluster, now and later, and returns a client of their coordinator.
+
+    Without `access`, the coordinator runs on this machine, and ends with the client. The workers end when the client is
+    closed. A Dask worker that is lost, replaced or added loses, replaces or adds a worker. The programs must be on
+    every machine of the cluster.
+
+    Args:
+        dask: The client of the Dask cluster.
+        access: The access file of a coordinator that other machines reach, instead of a new coordinator.
+        data: The data directory of a new coordinator; by default a temporary one.
+        trainers: Number of trainers of a new coordinator, on this machine; by default one.
+        contact: The name or address by which the Dask workers reach this machine; by default its address towards the
+            scheduler.
+        programs: The folder of the programs on this machine.
+        programs_there: The folder of the programs on the Dask workers; by default where pip put them, or the PATH.
+
+    Raises:
+        ProgramError: If the coordinator cannot start, or a Dask worker has no program.
+
+    Example:
+        >>> with mm.on_dask(dask) as client:  # doctest: +SKIP
+        ...     campaign = client.run("examples/quick.toml")
+    """
+
+    def start(text: str) -> Callable[[], None]:
+        plugin = Workers(text, programs_there)
+        dask.register_plugin(plugin)
+        return lambda: _unregister(dask, plugin.name)
+
+    if access is None and contact is None:
+        contact = _address_towards(dask)
+    return hosting(start, access=access, data=data, trainers=trainers, contact=contact, programs=programs)
+
+
+def _unregister(dask: distributed.Client, name: str) -> None:
+    # A Dask cluster that has ended took the workers with it.
+    if dask.status == "running":
+        dask.unregister_worker_plugin(name)
+
+
+def _address_towards(dask: distributed.Client) -> str:
+    from distributed.utils import get_ip
+
+    scheduler = urlsplit(str(dask.scheduler.address)).hostname if dask.scheduler else None
+    return str(get_ip(scheduler)) if scheduler else str(get_ip())

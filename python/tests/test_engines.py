@@ -1,0 +1,133 @@
+"""Tests of workers on Dask and Ray clusters: they follow the cluster's machines, and change no result."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import murmuration as mm
+from murmuration._workers import WorkerProcess
+
+SPEC: dict[str, Any] = {
+    "name": "hosted",
+    "model": "single-sensor",
+    "method": "hand-crafted",
+    "seed": 3,
+    "world": {"horizon": 300},
+    "search": {"population": 20, "generations": 150},
+    "taxonomy": {"medoids": 4},
+}
+SECONDS = 120
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    last = time.monotonic() + SECONDS
+    while not holds():
+        assert time.monotonic() < last, "it took too long"
+        time.sleep(0.05)
+
+
+def workers(client: mm.Client) -> list[mm.Worker]:
+    return [worker for worker in client.workers() if worker.kind == "worker" and worker.threads]
+
+
+@pytest.fixture(scope="module")
+def digest() -> str:
+    """The digest of the campaign on one machine."""
+    with mm.local(workers=2, trainers=0) as client:
+        return client.run(SPEC).digest()
+
+
+def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(digest: str) -> None:
+    import distributed
+
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as dask,
+        mm.on_dask(dask, trainers=0) as client,
+    ):
+        wait_until(lambda: len(workers(client)) == 2)
+        assert all(worker.name.startswith("dask ") for worker in workers(client))
+        campaign = client.submit(SPEC)
+        wait_until(lambda: campaign.status().generations_done > 3)
+
+        # Dask sends local functions by value: its workers do not have this module.
+        def process(dask_worker: Any) -> Any:  # noqa: ANN401
+            plugins = dask_worker.plugins.items()
+            return next(plugin for name, plugin in plugins if name.startswith("murmuration-"))._process.process
+
+        before = set(dask.run(process).values())
+        victim = next(iter(dask.run(os.getpid).values()))
+        os.kill(victim, signal.SIGKILL)
+        # Dask starts the killed process again; the fault has struck before the campaign ended.
+        wait_until(lambda: len(set(dask.run(process, on_error="ignore").values()) - before - {None}) == 1)
+        assert campaign.status().generations_done < SPEC["search"]["generations"]
+        cluster.scale(3)
+        wait_until(lambda: len(workers(client)) == 3)
+        assert campaign.wait(progress=False).digest() == digest
+        cluster.scale(1)
+        wait_until(lambda: len(workers(client)) == 1)
+
+
+def test_dask_scales_by_the_open_work() -> None:
+    import distributed
+
+    with (
+        distributed.LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as dask,
+        mm.on_dask(dask, trainers=0) as client,
+    ):
+        cluster.adapt(
+            Adaptive=mm.DaskAdaptive, murmuration=client, minimum=0, maximum=2, interval="200ms", wait_count=3
+        )
+        assert client.workers_wanted() == 0
+        campaign = client.submit(SPEC | {"name": "scaled"})
+        wait_until(lambda: client.workers_wanted() == 1)
+        wait_until(lambda: len(workers(client)) >= 1)
+        campaign.wait(progress=False)
+        wait_until(lambda: not workers(client))
+
+
+def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(
+    digest: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    import ray
+
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, configure_logging=False)
+    try:
+        with mm.on_ray(trainers=0) as client:
+            wait_until(lambda: len(workers(client)) == 1)
+            assert workers(client)[0].threads == 2
+            campaign = client.submit(SPEC)
+            wait_until(lambda: campaign.status().generations_done > 3)
+            (actor,) = client._end_workers.__self__.actors.values()  # type: ignore[union-attr]
+            process = ray.get(actor.process.remote())
+            os.kill(process, signal.SIGKILL)
+            wait_until(lambda: ray.get(actor.process.remote()) not in (None, process))
+            assert campaign.status().generations_done < SPEC["search"]["generations"]
+            ray.kill(actor, no_restart=False)
+            assert campaign.wait(progress=False).digest() == digest
+    finally:
+        ray.shutdown()
+
+
+def test_a_worker_process_that_ends_is_started_again(client: mm.Client, tmp_path: Path) -> None:
+    access = client.access_file.read_text(encoding="utf-8")
+    worker = WorkerProcess(access, "kept", 1, None)
+    try:
+        wait_until(lambda: any("kept" in one.name for one in client.workers()))
+        first = worker.process
+        assert first is not None
+        os.kill(first, signal.SIGKILL)
+        wait_until(lambda: worker.process not in (None, first))
+    finally:
+        worker.close()
+    assert worker.process is None
+    with pytest.raises(mm.ProgramError, match="no program"):
+        WorkerProcess(access, "lost", 1, str(tmp_path))
