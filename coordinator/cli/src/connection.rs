@@ -132,10 +132,21 @@ impl Connection {
     ) -> Result<T, CliError> {
         let own = self.own.as_ref().map(|own| own.coordinator().taken_over());
         let answer = match own {
-            Some(taken_over) => tokio::select! {
-                answer = ask(&mut self) => answer,
-                taken_over = taken_over => Err(taken_over.into()),
-            },
+            Some(taken_over) => {
+                tokio::pin!(taken_over);
+                tokio::select! {
+                    taken_over = &mut taken_over => Err(taken_over.into()),
+                    answer = ask(&mut self) => match answer {
+                        Ok(answer) => Ok(answer),
+                        // The reason can be that the coordinator may change nothing any more.
+                        Err(error) => tokio::select! {
+                            biased;
+                            taken_over = &mut taken_over => Err(taken_over.into()),
+                            () = std::future::ready(()) => Err(error),
+                        },
+                    },
+                }
+            }
             None => ask(&mut self).await,
         };
         let ended = match self.own {

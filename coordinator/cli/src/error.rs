@@ -33,6 +33,8 @@ pub enum CliError {
     Interrupted(String),
     /// A signal ended a command that its launcher is to start again: exit code 75, as of sysexits.h.
     TryAgain(String),
+    /// Another process has taken the data directory over, and may go on with the same work.
+    TakenOver(String),
     /// Standard output cannot be written.
     Output(OutputError),
 }
@@ -86,7 +88,7 @@ impl CliError {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Output(error) => error.exit_code(),
-            Self::Failed(_) | Self::Interrupted(_) => ExitCode::from(1),
+            Self::Failed(_) | Self::Interrupted(_) | Self::TakenOver(_) => ExitCode::from(1),
             Self::Input(_) => ExitCode::from(2),
             Self::TryAgain(_) => ExitCode::from(75),
         }
@@ -99,7 +101,8 @@ impl fmt::Display for CliError {
             Self::Input(message)
             | Self::Failed(message)
             | Self::Interrupted(message)
-            | Self::TryAgain(message) => f.write_str(message),
+            | Self::TryAgain(message)
+            | Self::TakenOver(message) => f.write_str(message),
             Self::Output(error) => error.fmt(f),
         }
     }
@@ -216,6 +219,7 @@ impl From<StoreError> for CliError {
             | StoreError::NoStudy(_)
             | StoreError::NoCheckpoint(_)
             | StoreError::NoIndividual { .. } => Self::Input(message),
+            StoreError::TakenOver(_) => Self::TakenOver(message),
             _ => Self::Failed(message),
         }
     }

@@ -16,7 +16,8 @@ use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
 use murmuration_proto::v1;
-use murmuration_store::{DataDirectory, StoreError};
+use murmuration_search::interrupt::Interrupt;
+use murmuration_store::{DataDirectory, StoreError, blocking::Broken};
 use murmuration_swarm::{CampaignSpec, counted};
 use std::{
     path::{Path, PathBuf},
@@ -113,7 +114,9 @@ impl Run {
         };
         match (run, launch) {
             // The launcher starts the processes again, and they go on.
-            (Err(CliError::Interrupted(message)), Some(_)) => Err(CliError::TryAgain(message)),
+            (Err(CliError::Interrupted(message) | CliError::TakenOver(message)), Some(_)) => {
+                Err(CliError::TryAgain(message))
+            }
             (run, Some(launch)) => {
                 launch.end(holds);
                 run
@@ -139,12 +142,10 @@ impl Run {
                 format!("`run` runs the campaign in this process: for {target} use `murmuration submit`");
             return Err(CliError::Input(hint));
         }
-        let held = match launch {
-            Some(_) => tokio::select! {
-                held = hold_within(HOLD_WAIT, &global.data) => held,
-                signal = ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
-            },
-            None => DataDirectory::hold(&global.data),
+        let limit = launch.map_or(Duration::ZERO, |_| HOLD_WAIT);
+        let held = tokio::select! {
+            held = hold_within(limit, &global.data) => held,
+            signal = ended => return Err(CliError::Interrupted(format!("{signal} before the start"))),
         };
         held.map_err(|error| self.in_use(error, global))
     }
@@ -216,11 +217,24 @@ impl Run {
     }
 }
 
-/// Holds a data directory, which a short command or the same launch before may still hold, within this time.
+/// Raises its flag when it is dropped.
+struct RaisedOnDrop(Interrupt);
+
+impl Drop for RaisedOnDrop {
+    fn drop(&mut self) {
+        self.0.raise();
+    }
+}
+
+/// Holds a data directory, which a short command or the same launch before may still hold, within this time. Dropping the future
+/// ends the wait for a holder on another machine.
 pub(super) async fn hold_within(limit: Duration, data: &Path) -> Result<DataDirectory, StoreError> {
     let begun = Instant::now();
+    let dropped = RaisedOnDrop(Interrupt::default());
     loop {
-        match DataDirectory::hold(data) {
+        let (path, interrupt) = (data.to_path_buf(), dropped.0.clone());
+        let held = tokio::task::spawn_blocking(move || DataDirectory::hold_unless(&path, &interrupt));
+        match held.await.map_err(|_| Broken)? {
             Err(StoreError::InUse { .. }) if begun.elapsed() < limit => {
                 tokio::time::sleep(HOLD_PAUSE).await;
             }

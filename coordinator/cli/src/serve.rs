@@ -88,12 +88,24 @@ pub struct Serve {
     in_process: InProcessArgs,
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "the result of the command")]
+fn not_started(signal: &str) -> Result<(), CliError> {
+    errln!("{signal}; the coordinator had not started yet");
+    Ok(())
+}
+
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let listen = self.listen_config()?;
-        let data = hold_within(HOLD_WAIT, &global.data)
-            .await
-            .map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
+        // As the first process of a container, a process without handlers ignores these signals.
+        let ended = termination();
+        tokio::pin!(ended);
+        let held = tokio::select! {
+            biased;
+            signal = &mut ended => return not_started(signal),
+            held = hold_within(HOLD_WAIT, &global.data) => held,
+        };
+        let data = held.map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
             data,
             listen,
@@ -109,16 +121,10 @@ impl Serve {
                 contact: self.contact.clone().map(String::from),
             }),
         };
-        // As the first process of a container, a process without handlers ignores these signals.
-        let ended = termination();
-        tokio::pin!(ended);
         let started = LocalCluster::start(options, self.in_process.count());
         let cluster = tokio::select! {
             biased;
-            signal = &mut ended => {
-                errln!("{signal}; the coordinator had not started yet");
-                return Ok(());
-            }
+            signal = &mut ended => return not_started(signal),
             cluster = started => cluster?,
         };
         if let Some(access) = cluster.coordinator().published() {

@@ -2,13 +2,15 @@
 
 use super::{
     FileSystem, LockHolder, StoreError,
-    lease::{self, Lease},
+    lease::{self, Lease, Unknown},
     open,
 };
 use murmuration_files::{expect_own_file, expect_regular};
+use murmuration_search::interrupt::Interrupt;
 use std::{
     fs,
     io::{self, Read as _, Seek as _, Write as _},
+    os::unix::fs::{MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _},
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -75,6 +77,18 @@ impl DataDirectory {
     /// # Errors
     /// [`StoreError::InUse`] if another process holds the folder; any other error names the file that cannot be used.
     pub fn hold(path: &Path) -> Result<Self, StoreError> {
+        Self::hold_unless(path, &Interrupt::default())
+    }
+
+    /// Like [`DataDirectory::hold`], but ends the wait for another machine's holder when `interrupt` is raised.
+    ///
+    /// # Errors
+    /// The errors of `hold`, and [`StoreError::Interrupted`].
+    pub fn hold_unless(path: &Path, interrupt: &Interrupt) -> Result<Self, StoreError> {
+        Self::hold_from(path, Unknown::TakeOver(interrupt))
+    }
+
+    fn hold_from(path: &Path, unknown: Unknown<'_>) -> Result<Self, StoreError> {
         let failed = |doing, path: &Path| {
             let path = path.to_path_buf();
             move |source| StoreError::File { doing, path, source }
@@ -97,6 +111,8 @@ impl DataDirectory {
             .write(true)
             .create(true)
             .truncate(false)
+            // Whoever can open the file can lock it, and could then pass for the coordinator.
+            .mode(0o600)
             .open(&lock_path);
         let lock = match opened {
             Ok(lock) => lock,
@@ -115,18 +131,22 @@ impl DataDirectory {
                 false
             }
         };
-        let (lease, may_run) = match Lease::take(path, &file_system, locked) {
-            Ok(taken) => taken,
+        if lock.metadata().is_ok_and(|found| found.mode() & 0o077 != 0) {
+            // Earlier versions made a lock file that everybody could read. Some file systems have no permissions.
+            let _ = lock.set_permissions(fs::Permissions::from_mode(0o600));
+        }
+        let (lease, renews) = match Lease::take(path, &file_system, locked, unknown) {
+            Ok((lease, renews)) => (Arc::new(lease), renews),
             Err(refusal) => return Err(refused(refusal, path, lock)),
         };
-        if may_run {
-            // What the former holder had begun to write must not get into the database of this process.
-            open::renew(path)?;
+        let beating = Beating::of(lease.clone()).map_err(failed("start a thread for", path))?;
+        if renews {
+            // What the former holder had begun to write must not get into the database of this process. Copying can take long.
+            lease.renew(|new, check| open::renew(path, new, check))?;
         }
-        let lease = Arc::new(lease);
         let held = Self {
             path: path.to_path_buf(),
-            beating: Beating::of(lease.clone()).map_err(failed("start a thread for", path))?,
+            beating,
             file_system,
             lease,
             lock,
@@ -169,13 +189,14 @@ impl DataDirectory {
         }
     }
 
-    /// Like [`DataDirectory::hold`], but the folder must already have a database.
+    /// Like [`DataDirectory::hold`], but the folder must already have a database, and a holder on another machine is left alone,
+    /// whether it is heard or not.
     ///
     /// # Errors
     /// The errors of `hold`, and [`StoreError::NoDirectory`] without a database.
     pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
         if super::find_database(&path.join(super::Store::FILE))? {
-            Self::hold(path)
+            Self::hold_from(path, Unknown::Spare)
         } else {
             Err(StoreError::NoDirectory(path.to_path_buf()))
         }
@@ -226,7 +247,11 @@ impl DataDirectory {
 impl Drop for DataDirectory {
     fn drop(&mut self) {
         self.beating.stop();
-        self.lease.end();
+        if self.lease.check().is_ok() {
+            // Nobody listens at the address any more, and whoever listens there next is a stranger.
+            let _ = self.lock.set_len(0);
+            self.lease.end();
+        }
     }
 }
 
@@ -234,7 +259,7 @@ impl Beating {
     fn of(lease: Arc<Lease>) -> io::Result<Self> {
         let (stop, stopped) = mpsc::channel();
         let beat = move || {
-            let mut count = 0;
+            let mut count = 0_u64;
             while stopped.recv_timeout(lease::BEAT) == Err(RecvTimeoutError::Timeout) {
                 count += 1;
                 match lease.check() {
@@ -254,11 +279,17 @@ impl Beating {
     }
 
     fn stop(&mut self) {
-        drop(self.stop.take());
+        self.stop = None;
         if let Some(thread) = self.thread.take() {
             // The thread does not panic, and its end is all that matters.
             let _ = thread.join();
         }
+    }
+}
+
+impl Drop for Beating {
+    fn drop(&mut self) {
+        self.stop();
     }
 }
 
@@ -280,6 +311,7 @@ fn in_use(path: &Path, lock: fs::File) -> StoreError {
 fn refused(refusal: lease::Refusal, path: &Path, lock: fs::File) -> StoreError {
     match refusal {
         lease::Refusal::Held => in_use(path, lock),
+        lease::Refusal::Interrupted(interrupted) => interrupted.into(),
         lease::Refusal::Failed { doing, path, source } => StoreError::from_io(source, doing, &path),
     }
 }

@@ -73,7 +73,13 @@ fn kind_of(path: &Path) -> Option<String> {
     use rustix::fs::{AtFlags, CWD, StatxFlags, statx};
     let found = statx(CWD, path, AtFlags::empty(), StatxFlags::MNT_ID).ok()?;
     let mounts = std::fs::read_to_string("/proc/self/mountinfo").ok()?;
-    kind_in(&mounts, found.stx_mnt_id)
+    let number = found.stx_mnt_id.to_string();
+    let device = format!("{}:{}", found.stx_dev_major, found.stx_dev_minor);
+    // Linux knows the mount of a file since version 5.8, and its device always.
+    match StatxFlags::from_bits_retain(found.stx_mask).contains(StatxFlags::MNT_ID) {
+        true => kind_in(&mounts, 0, &number),
+        false => kind_in(&mounts, 2, &device),
+    }
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -81,12 +87,13 @@ fn kind_of(_: &Path) -> Option<String> {
     None
 }
 
-/// The kind of the mount with this number, of the lines of `/proc/self/mountinfo` (see proc(5)).
-fn kind_in(mounts: &str, number: u64) -> Option<String> {
-    let number = number.to_string();
+/// The kind of the mount whose field at this place has this value, of the lines of `/proc/self/mountinfo` (see proc(5)): field 0 is
+/// the mount's number, field 2 its device.
+#[cfg_attr(not(target_os = "linux"), expect(dead_code))]
+fn kind_in(mounts: &str, field: usize, value: &str) -> Option<String> {
     let line = mounts
         .lines()
-        .find(|line| line.split(' ').next() == Some(&number))?;
+        .find(|line| line.split(' ').nth(field) == Some(value))?;
     let (_, rest) = line.split_once(" - ")?;
     rest.split(' ').next().map(str::to_owned)
 }
@@ -100,10 +107,10 @@ mod tests {
         let mounts = "27 1 254:1 / / rw,relatime shared:1 - ext4 /dev/vda rw\n\
                       43 27 0:39 / /home/a\\040b rw - fuse.sshfs head:/home rw,user_id=0\n\
                       44 27 0:40 / /scratch rw shared:2 master:3 - lustre mds@tcp:/scratch rw\n";
-        assert_eq!(kind_in(mounts, 27).unwrap(), "ext4");
-        assert_eq!(kind_in(mounts, 43).unwrap(), "fuse.sshfs");
-        assert_eq!(kind_in(mounts, 44).unwrap(), "lustre");
-        assert_eq!(kind_in(mounts, 4), None);
+        assert_eq!(kind_in(mounts, 0, "27").unwrap(), "ext4");
+        assert_eq!(kind_in(mounts, 0, "43").unwrap(), "fuse.sshfs");
+        assert_eq!(kind_in(mounts, 2, "0:40").unwrap(), "lustre");
+        assert_eq!(kind_in(mounts, 0, "4"), None);
     }
 
     #[cfg(target_os = "linux")]

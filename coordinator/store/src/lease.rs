@@ -8,7 +8,9 @@
 
 use super::{FileSystem, StoreError};
 use murmuration_files::expect_regular;
+use murmuration_search::interrupt::{Interrupt, Interrupted};
 use rustix::{
+    fs::OFlags,
     process::{Pid, test_kill_process},
     time::{ClockId, clock_gettime},
 };
@@ -18,7 +20,7 @@ use std::{
     path::{Path, PathBuf},
     sync::atomic::{AtomicI64, Ordering},
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 use tokio::sync::watch;
 
@@ -28,6 +30,8 @@ pub(super) const FOLDER: &str = "lease";
 pub(super) const BEAT: Duration = Duration::from_millis(if cfg!(test) { 100 } else { 2_000 });
 /// A holder whose counter does not change for this time is taken to have ended.
 const SILENCE: Duration = Duration::from_secs(if cfg!(test) { 2 } else { 20 });
+/// Number of beats, about an hour, after which the file of the lease gets a new date.
+const BEATS_TO_TOUCH: u64 = 1_800;
 /// Pause between two looks at another process's counter.
 const LOOK_PAUSE: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 200 });
 /// Bytes that are read of a file of a lease; a file of Murmuration has about 200 bytes.
@@ -48,6 +52,8 @@ pub(super) struct Lease {
 /// The process that took a lease, as the file of the lease describes it.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 struct Holder {
+    /// A random text, different for each lease.
+    id: String,
     /// Name of the machine.
     machine: String,
     /// Identity of this run of the machine's kernel; empty if it is unknown.
@@ -60,8 +66,20 @@ struct Holder {
     /// Whether the holder reaches the data directory through a local file system, so that its lock excludes all processes of its
     /// kernel.
     is_local: bool,
+    /// Whether the former holder may still run, and this holder does not work on copies of its files yet.
+    #[serde(default)]
+    renews: bool,
     /// Whether the holder has given the lease back.
     ended: bool,
+}
+
+/// What to do about a holder of which nobody knows whether it still runs.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Unknown<'a> {
+    /// Wait for a sign of it, then take over.
+    TakeOver(&'a Interrupt),
+    /// Take it to run.
+    Spare,
 }
 
 /// What is known about the former holder of a data directory.
@@ -78,6 +96,7 @@ enum Former {
 pub(super) enum Refusal {
     /// Another process holds the data directory.
     Held,
+    Interrupted(Interrupted),
     Failed {
         doing: &'static str,
         path: PathBuf,
@@ -87,41 +106,65 @@ pub(super) enum Refusal {
 
 impl Lease {
     /// Takes the lease of the data directory `data`. `locked` tells whether this process has the lock of the directory. Also
-    /// returns whether the former holder may still run.
-    pub(super) fn take(data: &Path, file_system: &FileSystem, locked: bool) -> Result<(Self, bool), Refusal> {
+    /// returns whether the former holder may still run: then [`Lease::renew`] must succeed before the database is opened.
+    pub(super) fn take(
+        data: &Path,
+        file_system: &FileSystem,
+        locked: bool,
+        unknown: Unknown<'_>,
+    ) -> Result<(Self, bool), Refusal> {
         let folder = data.join(FOLDER);
         make_folder(&folder).map_err(failed("make", &folder))?;
-        let newest = newest(&folder)?;
         let own = Holder::current(file_system);
-        let former = match newest {
-            None => Former::Ended,
-            Some(number) => former(&folder, number, &own, locked)?,
+        // A lease that is made after this list was read has the number that this process wants.
+        let known = numbers(&folder)?;
+        let renews = match all_former(&folder, &known, &own, locked, unknown)? {
+            Former::Runs => return Err(Refusal::Held),
+            Former::Ended => false,
+            Former::Silent => true,
         };
-        if former == Former::Runs {
-            return Err(Refusal::Held);
-        }
         let full = || io::Error::other("its numbers are used up: remove the folder");
-        let number = newest.unwrap_or(0).checked_add(1);
+        let number = newest_of(&known).unwrap_or(0).checked_add(1);
         let number = number.ok_or_else(full).map_err(failed("use", &folder))?;
         let lease = Self {
             data: data.to_path_buf(),
             number,
-            holder: own,
+            holder: Holder { renews, ..own },
             beaten: AtomicI64::new(0),
             lost: watch::Sender::new(false),
         };
         lease.make(&folder)?;
-        Ok((lease, former == Former::Silent))
+        Ok((lease, renews))
+    }
+
+    /// Lets `copy` replace the files that the former holder may have open. `copy` gets a text for the names of its new files, and
+    /// a check for the moment before each replacement. If this process ends meanwhile, the next holder does the same.
+    pub(super) fn renew(
+        &self,
+        copy: impl FnOnce(&str, &dyn Fn() -> Result<(), StoreError>) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        copy(&self.holder.id, &|| self.check())?;
+        self.check()?;
+        let path = self.path();
+        let renewed = Holder {
+            renews: false,
+            ..self.holder.clone()
+        };
+        self.write(&renewed)
+            .map_err(|error| StoreError::from_io(error, "write", &path))?;
+        let folder = self.data.join(FOLDER);
+        let listed = fs::read_dir(&folder).map_err(|error| StoreError::from_io(error, "list", &folder))?;
+        let newest = listed.filter_map(|entry| number_of(&entry.ok()?)).max();
+        if newest != Some(self.number) {
+            // The file had been removed before it was written again.
+            self.remove(self.number);
+        }
+        self.check()
     }
 
     fn make(&self, folder: &Path) -> Result<(), Refusal> {
         let path = self.path();
-        let made = fs::File::options()
-            .write(true)
-            .create_new(true)
-            .mode(0o600)
-            .open(&path);
-        match made {
+        match own_file().create_new(true).open(&path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(Refusal::Held),
             made => drop(made.map_err(failed("make", &path))?),
         }
@@ -146,37 +189,70 @@ impl Lease {
     /// Fails if another process has taken the data directory over.
     ///
     /// # Errors
-    /// [`StoreError::TakenOver`], and any other error if it cannot be determined who holds the directory.
+    /// [`StoreError::TakenOver`], and [`StoreError::Unwritable`] if it cannot be determined for now who holds the directory.
     pub(super) fn check(&self) -> Result<(), StoreError> {
-        let path = self.path();
-        match fs::File::open(&path) {
-            Ok(_) => Ok(()),
-            Err(error) if is_gone(&error) => {
+        match self.is_held() {
+            Ok(true) => Ok(()),
+            Ok(false) => {
                 self.lost.send_replace(true);
                 Err(StoreError::TakenOver(self.data.clone()))
             }
             // Nobody takes over before `SILENCE` is over.
             Err(_) if self.seconds_since_beat() < SILENCE.as_secs().cast_signed() / 2 => Ok(()),
-            Err(error) => Err(StoreError::from_io(error, "read", &path)),
+            Err(error) => Err(StoreError::Unwritable {
+                path: self.path(),
+                reason: error.to_string(),
+            }),
+        }
+    }
+
+    /// Checks as [`Lease::check`] does, after a commit. Waits until it is known who holds the directory: a change that is on disk
+    /// must not be reported as refused.
+    ///
+    /// # Errors
+    /// [`StoreError::TakenOver`].
+    pub(super) fn check_committed(&self) -> Result<(), StoreError> {
+        loop {
+            match self.check() {
+                Err(StoreError::Unwritable { .. }) => thread::sleep(LOOK_PAUSE),
+                known => return known,
+            }
+        }
+    }
+
+    fn is_held(&self) -> io::Result<bool> {
+        match read_short(&self.path()) {
+            Ok(bytes) => {
+                let holder: Option<Holder> = serde_json::from_slice(&bytes).ok();
+                Ok(holder.is_some_and(|holder| holder.id == self.holder.id))
+            }
+            Err(error) if is_gone(&error) => Ok(false),
+            Err(error) => Err(error),
         }
     }
 
     /// Changes the counter to `count`, so that other processes see that this process runs.
     pub(super) fn beat(&self, count: u64) -> io::Result<()> {
+        use io::Write as _;
         let now = seconds();
-        let path = self.beat_path();
-        fs::write(&path, count.to_string())?;
+        // The bytes are replaced in place, because a full disk has no room for new ones.
+        let mut file = own_file().create(true).open(self.beat_path())?;
+        file.write_all(format!("{count:020}").as_bytes())?;
         self.beaten.store(now, Ordering::Relaxed);
+        if count.is_multiple_of(BEATS_TO_TOUCH) {
+            // Programs that remove old files must not take the lease for one.
+            own_file().open(self.path())?.set_modified(SystemTime::now())?;
+        }
         Ok(())
     }
 
     /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits.
     pub(super) fn end(&self) {
+        let ended = Holder {
+            ended: true,
+            ..self.holder.clone()
+        };
         if self.check().is_ok() {
-            let ended = Holder {
-                ended: true,
-                ..self.holder.clone()
-            };
             let _ = self.write(&ended);
             let _ = fs::remove_file(self.beat_path());
         }
@@ -188,10 +264,17 @@ impl Lease {
     }
 
     fn write(&self, holder: &Holder) -> io::Result<()> {
+        use io::Write as _;
         // A process that reads meanwhile sees one of the two contents.
         let path = self.path();
         let new = path.with_extension("new");
-        fs::write(&new, serde_json::to_vec(holder)?)?;
+        match fs::remove_file(&new) {
+            Err(error) if !is_gone(&error) => return Err(error),
+            _ => {}
+        }
+        let mut file = own_file().create_new(true).open(&new)?;
+        file.write_all(&serde_json::to_vec(holder)?)?;
+        file.sync_all()?;
         fs::rename(&new, &path)
     }
 
@@ -223,19 +306,21 @@ impl Holder {
         let processes = fs::read_link("/proc/self/ns/pid").map(|link| link.display().to_string());
         let process = rustix::process::getpid();
         Self {
+            id: format!("{:016x}", getrandom::u64().unwrap_or_default()),
             machine: rustix::system::uname().nodename().to_string_lossy().into_owned(),
             boot: text(fs::read_to_string("/proc/sys/kernel/random/boot_id")),
             processes: text(processes),
             process: process.as_raw_pid(),
-            began: Life::of(process).map(|life| life.began),
+            began: Life::own().map(|life| life.began),
             is_local: file_system.is_local(),
+            renews: false,
             ended: false,
         }
     }
 
     /// Whether the process runs, as far as the process `own` can tell.
     fn runs(&self, own: &Self) -> Option<bool> {
-        let is_known = !own.boot.is_empty() && !own.processes.is_empty();
+        let is_known = !own.boot.is_empty() && !own.processes.is_empty() && own.began.is_some();
         if !is_known || (&self.boot, &self.processes) != (&own.boot, &own.processes) {
             return None;
         }
@@ -255,6 +340,13 @@ struct Life {
 }
 
 impl Life {
+    /// This process; `None` if `/proc` does not show this process under its number, as in a new namespace of processes.
+    fn own() -> Option<Self> {
+        let own = fs::read_link("/proc/self").ok()?;
+        let process = rustix::process::getpid();
+        (own.to_str()? == process.as_raw_pid().to_string()).then(|| Self::of(process))?
+    }
+
     /// `None` if the system does not tell.
     fn of(process: Pid) -> Option<Self> {
         let process = process.as_raw_pid();
@@ -273,8 +365,33 @@ impl Life {
     }
 }
 
+/// Looks at the holders of all leases: a process that ended while it took the newest lease can have left another's behind.
+fn all_former(
+    folder: &Path,
+    known: &[u64],
+    own: &Holder,
+    locked: bool,
+    unknown: Unknown<'_>,
+) -> Result<Former, Refusal> {
+    let mut all = Former::Ended;
+    for &number in known {
+        match former(folder, number, own, locked, unknown)? {
+            Former::Runs => return Ok(Former::Runs),
+            Former::Silent => all = Former::Silent,
+            Former::Ended => {}
+        }
+    }
+    Ok(all)
+}
+
 /// Looks at the holder of lease `number`: waits up to [`SILENCE`] for a sign of it, if nothing else tells whether it runs.
-fn former(folder: &Path, number: u64, own: &Holder, locked: bool) -> Result<Former, Refusal> {
+fn former(
+    folder: &Path,
+    number: u64,
+    own: &Holder,
+    locked: bool,
+    unknown: Unknown<'_>,
+) -> Result<Former, Refusal> {
     // The lock of a local file system excludes all processes that reach the directory in the same way.
     let excludes = locked && own.is_local;
     let begun = Instant::now();
@@ -284,11 +401,15 @@ fn former(folder: &Path, number: u64, own: &Holder, locked: bool) -> Result<Form
             Read::Gone => return Ok(Former::Ended),
             Read::Holder(holder) => {
                 let excludes = excludes && holder.is_local;
+                let ended = match holder.renews {
+                    true => Former::Silent,
+                    false => Former::Ended,
+                };
                 match holder.runs(own) {
                     _ if holder.ended => return Ok(Former::Ended),
                     Some(true) => return Ok(Former::Runs),
-                    Some(false) => return Ok(Former::Ended),
-                    None if excludes => return Ok(Former::Ended),
+                    Some(false) => return Ok(ended),
+                    None if excludes => return Ok(ended),
                     None => {}
                 }
                 if begun.elapsed() < LOOK_PAUSE {
@@ -300,12 +421,22 @@ fn former(folder: &Path, number: u64, own: &Holder, locked: bool) -> Result<Form
                     );
                 }
             }
-            Read::Empty if excludes => return Ok(Former::Ended),
+            // Its process ended while it took the lease, perhaps from a process that still runs.
+            Read::Empty if excludes => return Ok(Former::Silent),
             // Its process is about to write it.
             Read::Empty => {}
         }
-        if beat_count(folder, number) != count {
+        let Unknown::TakeOver(interrupt) = unknown else {
             return Ok(Former::Runs);
+        };
+        interrupt.check().map_err(Refusal::Interrupted)?;
+        if beat_count(folder, number) != count {
+            // A process that ends removes its counter.
+            return Ok(match read(folder, number)? {
+                Read::Holder(holder) if !holder.ended => Former::Runs,
+                Read::Holder(_) | Read::Gone => Former::Ended,
+                Read::Empty => Former::Silent,
+            });
         }
         if begun.elapsed() >= SILENCE {
             return Ok(Former::Silent);
@@ -317,14 +448,12 @@ fn former(folder: &Path, number: u64, own: &Holder, locked: bool) -> Result<Form
 /// Whether another process holds the data directory `data`. Waits as [`Lease::take`] does, and changes nothing.
 pub(super) fn is_held(data: &Path, file_system: &FileSystem, locked: bool) -> Result<bool, Refusal> {
     let folder = data.join(FOLDER);
-    let numbers = match fs::symlink_metadata(&folder) {
+    let known = match fs::symlink_metadata(&folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         _ => numbers(&folder)?,
     };
-    let Some(number) = newest_of(&numbers) else {
-        return Ok(false);
-    };
-    Ok(former(&folder, number, &Holder::current(file_system), locked)? == Former::Runs)
+    let (own, never) = (Holder::current(file_system), Interrupt::default());
+    Ok(all_former(&folder, &known, &own, locked, Unknown::TakeOver(&never))? == Former::Runs)
 }
 
 enum Read {
@@ -359,23 +488,21 @@ fn read_short(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn newest(folder: &Path) -> Result<Option<u64>, Refusal> {
-    Ok(newest_of(&numbers(folder)?))
-}
-
 fn newest_of(numbers: &[u64]) -> Option<u64> {
     numbers.iter().max().copied()
 }
 
 /// Numbers of the leases in a folder.
 fn numbers(folder: &Path) -> Result<Vec<u64>, Refusal> {
-    let number = |entry: io::Result<fs::DirEntry>| {
-        let name = entry.map_err(failed("list", folder))?.file_name();
-        let number = name.to_str().and_then(|name| name.strip_suffix(".json"));
-        Ok(number.and_then(|number| number.parse().ok()))
-    };
+    let number = |entry: io::Result<fs::DirEntry>| Ok(number_of(&entry.map_err(failed("list", folder))?));
     let entries = fs::read_dir(folder).map_err(failed("list", folder))?;
     entries.map(number).filter_map(Result::transpose).collect()
+}
+
+/// The number of the lease whose file this is, if it is one.
+fn number_of(entry: &fs::DirEntry) -> Option<u64> {
+    let name = entry.file_name();
+    name.to_str()?.strip_suffix(".json")?.parse().ok()
 }
 
 /// Makes the folder of leases. In another user's data directory, the folder could be a link to anywhere.
@@ -399,6 +526,16 @@ fn file_of(folder: &Path, number: u64) -> PathBuf {
 
 fn beat_of(folder: &Path, number: u64) -> PathBuf {
     folder.join(format!("{number}.beat"))
+}
+
+/// How files of leases are opened for writing: never through a link, which could lead to any file of this user.
+fn own_file() -> fs::OpenOptions {
+    let mut options = fs::File::options();
+    options
+        .write(true)
+        .mode(0o600)
+        .custom_flags(OFlags::NOFOLLOW.bits().cast_signed());
+    options
 }
 
 /// Whether a file was removed, as a local file system or NFS reports it.

@@ -216,7 +216,9 @@ impl Store {
         });
         let changed = changed.map_err(|error| error.at(&self.path));
         // A change that another process cannot know of must not be acknowledged.
-        self.check_lease()?;
+        self.lease
+            .as_ref()
+            .map_or(Ok(()), |lease| lease.check_committed())?;
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }

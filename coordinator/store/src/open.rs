@@ -1,7 +1,6 @@
 //! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
-use super::{FileSystem, Store, StoreError, files::sync, schema, studies::take_over};
-use murmuration_files::NewFile;
+use super::{FileSystem, Store, StoreError, files::sync, find_database, schema, studies::take_over};
 use rusqlite::{
     Connection, OpenFlags,
     backup::{Backup, StepResult},
@@ -63,29 +62,78 @@ fn connect(path: &Path, flags: OpenFlags, file_system: &FileSystem) -> Result<Co
 }
 
 /// Replaces the database and its log by copies of themselves, so that a process which still has the former files open cannot
-/// change the new ones.
-pub(super) fn renew(folder: &Path) -> Result<(), StoreError> {
+/// change the new ones. The new files have `new` in their names until they take their places, which `check` must allow.
+pub(super) fn renew(
+    folder: &Path,
+    new: &str,
+    check: &dyn Fn() -> Result<(), StoreError>,
+) -> Result<(), StoreError> {
     let database = folder.join(Store::FILE);
+    if !find_database(&database)? {
+        return Ok(());
+    }
+    // SQLite keeps the log beside the file itself.
+    let failed = |error| StoreError::from_io(error, "find", &database);
+    let database = database.canonicalize().map_err(failed)?;
+    remove_abandoned(&database);
     for path in [with_suffix(&database, "-wal"), database] {
-        let copied = fs::File::open(&path).and_then(|mut former| {
-            let mut copy = NewFile::create(&path)?;
-            io::copy(&mut former, &mut copy)?;
-            copy.finish()
-        });
-        match copied {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(StoreError::from_io(error, "copy", &path));
-            }
-            _ => {}
+        let failed = |error| StoreError::from_io(error, "copy", &path);
+        let mut former = match fs::File::open(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            former => former.map_err(failed)?,
+        };
+        let copy = with_suffix(&path, &format!("{RENEWED}{new}"));
+        let mut file = fs::File::create_new(&copy).map_err(failed)?;
+        let copied = io::copy(&mut former, &mut file)
+            .and_then(|_| file.set_permissions(former.metadata()?.permissions()))
+            .and_then(|()| file.sync_all())
+            .map_err(failed);
+        let placed = copied
+            .and_then(|()| check())
+            .and_then(|()| fs::rename(&copy, &path).map_err(failed));
+        if placed.is_err() {
+            let _ = fs::remove_file(&copy);
+        }
+        placed?;
+    }
+    sync(folder).map_err(|error| StoreError::from_io(error, "write", folder))
+}
+
+/// Part of the names of copies before they take their places.
+const RENEWED: &str = "-renewed-";
+
+/// Removes copies that another process began. Ignores failures, because leftovers do no harm.
+fn remove_abandoned(database: &Path) {
+    let Some(name) = database.file_name().and_then(|name| name.to_str()) else {
+        return;
+    };
+    let entries = fs::read_dir(folder_of(database)).into_iter().flatten().flatten();
+    for entry in entries {
+        let found = entry.file_name();
+        let is_copy = found
+            .to_str()
+            .is_some_and(|found| found.starts_with(name) && found.contains(RENEWED));
+        if is_copy {
+            let _ = fs::remove_file(entry.path());
         }
     }
-    Ok(())
 }
 
 /// A writing connection to an existing database, which is checked and migrated to the newest schema.
 pub(super) fn to_write(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE, file_system)?;
+    if !file_system.is_local() {
+        // The last connection to close would remove the log by its path, where the log of a process that has taken over can be.
+        connection
+            .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)
+            .map_err(named)?;
+        // A commit must not write into the database before the lease is checked again: another process may be copying it. The
+        // store writes a long log into the database itself.
+        connection
+            .pragma_update(None, "wal_autocheckpoint", 0)
+            .map_err(named)?;
+    }
     let version = schema::version(&connection, path)?;
     check(&connection, path)?;
     connection

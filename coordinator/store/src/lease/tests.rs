@@ -11,7 +11,21 @@ fn shared() -> FileSystem {
 
 /// Takes the lease as the only process that has the lock of a local file system.
 fn take(data: &Path) -> Result<(Lease, bool), Refusal> {
-    Lease::take(data, &FileSystem::of_kind("ext4".to_owned()), true)
+    take_by(data, &FileSystem::of_kind("ext4".to_owned()), true)
+}
+
+/// Takes the lease through a network. Also returns whether the files were replaced.
+fn take_elsewhere(data: &Path) -> Result<(Lease, bool), Refusal> {
+    take_by(data, &shared(), false)
+}
+
+fn take_by(data: &Path, file_system: &FileSystem, locked: bool) -> Result<(Lease, bool), Refusal> {
+    Lease::take(
+        data,
+        file_system,
+        locked,
+        Unknown::TakeOver(&Interrupt::default()),
+    )
 }
 
 /// The lease `number` of a process on another machine, which reaches the folder over a network.
@@ -32,14 +46,14 @@ fn elsewhere(data: &Path, number: u64, change: impl FnOnce(&mut Holder)) {
 fn of_many_processes_one_gets_the_lease() {
     for _ in 0..20 {
         let folder = tempfile::tempdir().unwrap();
-        Lease::take(folder.path(), &shared(), false).unwrap().0.end();
+        take_elsewhere(folder.path()).unwrap().0.end();
         let start = Barrier::new(8);
         let taken: Vec<_> = thread::scope(|scope| {
             let takers: Vec<_> = (0..8)
                 .map(|_| {
                     scope.spawn(|| {
                         start.wait();
-                        Lease::take(folder.path(), &shared(), false)
+                        take_elsewhere(folder.path())
                     })
                 })
                 .collect();
@@ -73,7 +87,7 @@ fn a_process_that_runs_keeps_its_lease_and_one_that_was_killed_does_not() {
         holder.process = process.as_raw_pid();
         holder.began = Life::of(process).map(|life| life.began);
     });
-    let refused = Lease::take(folder.path(), &shared(), false);
+    let refused = take_elsewhere(folder.path());
     assert!(matches!(refused, Err(Refusal::Held)), "{refused:?}");
     child.kill().unwrap();
     // The killed process is not waited for, so the system still lists it.
@@ -81,7 +95,7 @@ fn a_process_that_runs_keeps_its_lease_and_one_that_was_killed_does_not() {
         thread::sleep(LOOK_PAUSE);
     }
     let begun = Instant::now();
-    let (lease, may_run) = Lease::take(folder.path(), &shared(), false).unwrap();
+    let (lease, may_run) = take_elsewhere(folder.path()).unwrap();
     assert!(!may_run && begun.elapsed() < SILENCE && lease.number == 3);
     child.wait().unwrap();
     // Its number can belong to another process now.
@@ -90,7 +104,7 @@ fn a_process_that_runs_keeps_its_lease_and_one_that_was_killed_does_not() {
         holder.boot = Holder::current(&shared()).boot;
         holder.began = Some(1);
     });
-    assert!(!Lease::take(folder.path(), &shared(), false).unwrap().1);
+    assert!(!take_elsewhere(folder.path()).unwrap().1);
 }
 
 #[test]
@@ -127,6 +141,67 @@ fn the_lock_of_a_local_file_system_suffices() {
     let begun = Instant::now();
     let (lease, may_run) = take(folder.path()).unwrap();
     assert!(!may_run && begun.elapsed() < SILENCE && lease.number == 2);
+}
+
+#[test]
+fn a_takeover_that_was_not_finished_is_finished_by_the_next_process() {
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere(folder.path(), 1, |_| {});
+    let (lease, renews) = take_elsewhere(folder.path()).unwrap();
+    let failed = lease.renew(|_, _| Err(StoreError::DiskFull { path: "".into() }));
+    assert!(
+        renews && matches!(failed, Err(StoreError::DiskFull { .. })),
+        "{failed:?}"
+    );
+    // The process has ended since, and its successor knows that.
+    let leases = folder.path().join(FOLDER);
+    let text = fs::read_to_string(file_of(&leases, 2)).unwrap();
+    let mut holder: Holder = serde_json::from_str(&text).unwrap();
+    assert!(holder.renews);
+    holder.began = Some(1);
+    fs::write(file_of(&leases, 2), serde_json::to_vec(&holder).unwrap()).unwrap();
+    let (lease, renews) = take(folder.path()).unwrap();
+    assert!(renews && lease.number == 3);
+    lease.renew(|_, check| check()).unwrap();
+    lease.end();
+    assert!(!take(folder.path()).unwrap().1);
+}
+
+#[test]
+fn a_lease_that_a_dead_process_did_not_remove_still_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere(folder.path(), 4, |holder| holder.is_local = true);
+    let own = Holder::current(&shared());
+    elsewhere(folder.path(), 5, |holder| {
+        *holder = Holder {
+            began: Some(1),
+            renews: true,
+            ..own.clone()
+        }
+    });
+    elsewhere(folder.path(), 3, |holder| *holder = own.clone());
+    let refused = take(folder.path());
+    assert!(matches!(refused, Err(Refusal::Held)), "{refused:?}");
+    fs::write(file_of(&folder.path().join(FOLDER), 3), "").unwrap();
+    assert!(take(folder.path()).unwrap().1);
+}
+
+#[test]
+fn a_holder_elsewhere_is_spared_at_once_and_the_wait_for_it_ends_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    elsewhere(folder.path(), 1, |_| {});
+    let begun = Instant::now();
+    let interrupt = Interrupt::default();
+    interrupt.raise();
+    for (unknown, expected) in [
+        (Unknown::Spare, "Held"),
+        (Unknown::TakeOver(&interrupt), "Interrupted"),
+    ] {
+        let refused = Lease::take(folder.path(), &shared(), false, unknown);
+        let refused = format!("{refused:?}");
+        assert!(refused.contains(expected), "{refused}");
+    }
+    assert!(begun.elapsed() < SILENCE);
 }
 
 #[test]
@@ -216,4 +291,42 @@ fn a_process_that_takes_over_works_on_files_of_its_own() {
     // The former holder goes on with what it had begun.
     former.set_len(10).unwrap();
     assert!(store.faults().unwrap().is_empty());
+}
+
+#[test]
+fn a_process_that_is_taken_over_while_it_copies_replaces_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap());
+    let leases = folder.path().join(FOLDER);
+    let last = newest_of(&numbers(&leases).unwrap()).unwrap();
+    elsewhere(folder.path(), last + 1, |_| {});
+    let (slow, renews) = take_elsewhere(folder.path()).unwrap();
+    assert!(renews);
+    let database = folder.path().join(Store::FILE);
+    let before = fs::metadata(&database).unwrap().modified().unwrap();
+    let renewed = slow.renew(|new, check| {
+        // Another process takes over during the copy.
+        fs::remove_file(slow.path()).unwrap();
+        crate::open::renew(folder.path(), new, check)
+    });
+    assert!(matches!(renewed, Err(StoreError::TakenOver(_))), "{renewed:?}");
+    assert_eq!(fs::metadata(&database).unwrap().modified().unwrap(), before);
+    assert!(!slow.path().exists());
+    let left = fs::read_dir(folder.path()).unwrap().flatten();
+    let left = left.filter(|entry| entry.file_name().to_string_lossy().contains("renewed"));
+    assert_eq!(left.count(), 0);
+}
+
+#[test]
+fn files_of_leases_are_not_written_through_links() {
+    let folder = tempfile::tempdir().unwrap();
+    let victim = folder.path().join("notes.txt");
+    fs::write(&victim, "notes").unwrap();
+    let leases = folder.path().join(FOLDER);
+    fs::create_dir(&leases).unwrap();
+    for name in ["1.beat", "1.new"] {
+        std::os::unix::fs::symlink(&victim, leases.join(name)).unwrap();
+    }
+    assert!(matches!(take(folder.path()), Err(Refusal::Failed { .. })));
+    assert_eq!(fs::read_to_string(&victim).unwrap(), "notes");
 }

@@ -14,7 +14,7 @@ use crate::{
 use murmuration_model::{CampaignId, CampaignState};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_swarm::CheckpointDigest;
-use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, params};
+use rusqlite::{Connection, OpenFlags, OptionalExtension as _, Transaction, config::DbConfig, params};
 use std::{fs::File, path::Path};
 use tempfile::TempDir;
 
@@ -153,6 +153,8 @@ fn create(path: &Path, source: &Path) -> rusqlite::Result<Connection> {
     schema::create(&mut connection)?;
     connection.execute_batch(FURTHER_TABLES)?;
     connection.pragma_update(None, "application_id", APPLICATION)?;
+    // The store has its own rules for the end of its log.
+    connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
     // On a shared file system, this process's own connections share the log's index by the same kind of access.
     let access = match FileSystem::of(source).is_local() {
         true => "mode=ro",
