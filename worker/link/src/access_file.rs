@@ -200,10 +200,20 @@ impl TryFrom<Fields> for AccessFile {
     fn try_from(fields: Fields) -> Result<Self, Self::Error> {
         let fingerprint = fields.fingerprint.as_deref().map(str::parse).transpose();
         let token = fields.token.as_deref().map(str::parse).transpose();
+        let fingerprint = fingerprint?;
+        if fingerprint.is_some() && !fields.coordinator.starts_with("https://") {
+            return Err("`fingerprint` is that of a `coordinator` which begins with https://");
+        }
+        if [&fields.coordinator, &fields.pages]
+            .iter()
+            .any(|url| !url.chars().all(|letter| letter.is_ascii_graphic()))
+        {
+            return Err("`coordinator` or `pages` is not a URL");
+        }
         Ok(Self {
             coordinator: fields.coordinator,
             pages: fields.pages,
-            fingerprint: fingerprint?,
+            fingerprint,
             name: fields.name,
             token: token.map_err(|_| "`token` is not a token")?,
         })
