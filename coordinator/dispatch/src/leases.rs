@@ -326,6 +326,12 @@ impl<R: Agree + Clone> LeaseTable<R> {
         job.map_or((0, 0), |job| (job.tasks.len() - job.settled, job.cost))
     }
 
+    /// Number of threads of all workers that take work.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.workers.iter().map(|(_, worker)| worker.capacity).sum()
+    }
+
     /// Number of threads of workers that hold tasks.
     #[must_use]
     pub fn busy_threads(&self) -> usize {

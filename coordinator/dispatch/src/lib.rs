@@ -72,6 +72,10 @@ pub struct Load {
     pub steps: u64,
     /// Measured seconds of a worker's thread for a step of an agent; `None` before the first result.
     pub seconds_per_step: Option<f64>,
+    /// Number of workers that take work.
+    pub workers: usize,
+    /// Number of threads of these workers.
+    pub threads: usize,
 }
 
 /// How the dispatcher treats its workers.

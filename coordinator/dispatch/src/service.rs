@@ -592,6 +592,8 @@ impl Service {
         let open = jobs.filter(|(_, job)| job.submitted.campaign().is_none() && job.audits.is_none());
         let mut load = Load {
             seconds_per_step: self.pace.seconds_per_step(),
+            workers: self.table.workers(),
+            threads: self.table.threads(),
             ..Load::default()
         };
         for (&id, _) in open {

@@ -339,16 +339,12 @@ impl Campaigns {
         threads: Option<NonZeroU32>,
         within: Duration,
     ) -> Demand {
-        let dispatch = &self.context.dispatch;
-        let (load, connected) = tokio::join!(dispatch.load(), dispatch.connected());
-        let all: Vec<_> = connected
-            .iter()
-            .map(|worker| worker.capacity)
-            .filter(|&threads| threads > 0)
-            .collect();
+        let load = self.context.dispatch.load().await;
         let mean = || {
-            let mean = all.iter().sum::<usize>().checked_div(all.len());
-            mean.and_then(|mean| NonZeroU32::new(mean as u32))
+            let mean = load.threads.checked_div(load.workers).unwrap_or(1);
+            u32::try_from(mean)
+                .ok()
+                .and_then(NonZeroU32::new)
                 .unwrap_or(NonZeroU32::MIN)
         };
         Demand::of(at_work, &load, threads.unwrap_or_else(mean), within)
