@@ -53,6 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/transfer.proto",
             "murmuration/v1/study.proto",
             "murmuration/v1/node.proto",
+            "keda/externalscaler.proto",
         ],
         ["."],
     )?;
@@ -83,6 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .codec_path("crate::codec::BoundedCodec");
     with_forms(config, &messages).compile_fds_with_config(files, named)?;
     println!("cargo:rerun-if-changed=murmuration");
+    println!("cargo:rerun-if-changed=keda");
     Ok(())
 }
 

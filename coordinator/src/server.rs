@@ -34,8 +34,8 @@ use murmuration_proto::{
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, Recent, StudyApi, TrainerApi, TransferApi,
-    WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, Recent, ScalerApi, StudyApi, TrainerApi,
+    TransferApi, WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
@@ -236,6 +236,9 @@ impl Coordinator {
             campaigns: campaign_api,
             studies: StudyApi { store: store.clone() },
             nodes: NodeApi {
+                campaigns: campaigns.clone(),
+            },
+            scaler: ScalerApi {
                 campaigns: campaigns.clone(),
             },
             transfers: TransferApi {

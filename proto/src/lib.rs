@@ -18,6 +18,12 @@ pub mod v1 {
     tonic::include_proto!("murmuration.v1");
 }
 
+/// The generated messages and service of KEDA's external scalers, the package `externalscaler`.
+#[allow(clippy::all)]
+pub mod externalscaler {
+    tonic::include_proto!("externalscaler");
+}
+
 /// The package's file descriptors (an encoded `FileDescriptorSet`), for the reflection service.
 pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
 

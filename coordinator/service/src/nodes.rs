@@ -41,22 +41,38 @@ impl v1::node_service_server::NodeService for NodeApi {
         request: Request<v1::GetDemandRequest>,
     ) -> Result<Response<v1::Demand>, Status> {
         let v1::GetDemandRequest { threads, seconds } = request.into_inner();
-        let threads = threads.map(|threads| of_request(threads)).transpose()?;
-        let within = match seconds {
-            None => WITHIN,
-            Some(seconds) if SECONDS.contains(&seconds) => Duration::from_secs_f64(seconds),
-            Some(seconds) => return Err(Invalid::new("seconds", seconds, "1 to 1,000,000").into()),
-        };
-        let statuses = self.campaigns.at_work().await.or_status()?;
-        let demand = self.campaigns.demand(&statuses, threads, within).await;
+        let (threads, within) = (threads_of(threads)?, within_of(seconds)?);
+        let demand = demand_of(&self.campaigns, threads, within).await?;
         Ok(Response::new(message(demand)))
     }
 }
 
-fn of_request(threads: u32) -> Result<NonZeroU32, Invalid> {
-    let allowed = || Invalid::new("threads", threads, "1 to 65,536");
-    let threads = NonZeroU32::new(threads).filter(|threads| THREADS.contains(&threads.get()));
-    threads.ok_or_else(allowed)
+/// The demand of the work of all campaigns and requests.
+pub(super) async fn demand_of(
+    campaigns: &Campaigns,
+    threads: Option<NonZeroU32>,
+    within: Duration,
+) -> Result<Demand, Status> {
+    let statuses = campaigns.at_work().await.or_status()?;
+    Ok(campaigns.demand(&statuses, threads, within).await)
+}
+
+/// The threads of a wanted worker, as a request names them.
+pub(super) fn threads_of(threads: Option<u32>) -> Result<Option<NonZeroU32>, Invalid> {
+    let read = |threads| {
+        let valid = NonZeroU32::new(threads).filter(|threads| THREADS.contains(&threads.get()));
+        valid.ok_or_else(|| Invalid::new("threads", threads, "1 to 65,536"))
+    };
+    threads.map(read).transpose()
+}
+
+/// The time in which the work should be done, as a request names it.
+pub(super) fn within_of(seconds: Option<f64>) -> Result<Duration, Invalid> {
+    match seconds {
+        None => Ok(WITHIN),
+        Some(seconds) if SECONDS.contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        Some(seconds) => Err(Invalid::new("seconds", seconds, "1 to 1,000,000")),
+    }
 }
 
 fn message(demand: Demand) -> v1::Demand {

@@ -8,16 +8,19 @@ use murmuration_access::{
     Requirement::{self, AnyMachineOr, Machine, MachineOr, Nothing},
     Role, limits,
 };
-use murmuration_proto::v1::{
-    campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
-    evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-    node_service_server::NodeServiceServer, study_service_server::StudyServiceServer,
-    trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
-    worker_service_server::WorkerServiceServer,
+use murmuration_proto::{
+    externalscaler::external_scaler_server::ExternalScalerServer,
+    v1::{
+        campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
+        evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
+        node_service_server::NodeServiceServer, study_service_server::StudyServiceServer,
+        trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
+        worker_service_server::WorkerServiceServer,
+    },
 };
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, StudyApi, TrainerApi, TransferApi,
-    WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, NodeApi, ScalerApi, StudyApi, TrainerApi,
+    TransferApi, WorkerApi,
 };
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -85,6 +88,13 @@ const NODES: MethodRequirements = &[
     ("GetDemand", AnyMachineOr(Role::Viewer), Light),
 ];
 
+const SCALER: MethodRequirements = &[
+    ("IsActive", AnyMachineOr(Role::Viewer), Light),
+    ("StreamIsActive", AnyMachineOr(Role::Viewer), Streaming),
+    ("GetMetricSpec", AnyMachineOr(Role::Viewer), Light),
+    ("GetMetrics", AnyMachineOr(Role::Viewer), Light),
+];
+
 const WORKERS: MethodRequirements = &[("Work", Machine(Worker), CostClass::Free)];
 
 const TRAINERS: MethodRequirements = &[
@@ -107,6 +117,7 @@ pub(super) struct Services {
     pub(super) transfers: TransferApi,
     pub(super) studies: StudyApi,
     pub(super) nodes: NodeApi,
+    pub(super) scaler: ScalerApi,
 }
 
 impl Services {
@@ -128,5 +139,6 @@ impl Services {
             .service(TransferServiceServer::new(self.transfers), TRANSFERS)
             .service(StudyServiceServer::new(self.studies), STUDIES)
             .service(NodeServiceServer::new(self.nodes), NODES)
+            .service(ExternalScalerServer::new(self.scaler), SCALER)
     }
 }

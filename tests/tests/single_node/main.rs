@@ -15,6 +15,7 @@ mod interruption;
 mod judge;
 mod labels;
 mod latent;
+mod nodes;
 mod observability;
 mod playing;
 mod recall;
