@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import uuid
 from collections.abc import Callable
@@ -57,11 +58,16 @@ class Adaptive(_Adaptive):
         self._murmuration = murmuration
         super().__init__(cluster, **options)
 
+    def _threads(self) -> int | None:
+        """Threads of a Dask worker to come; None if the cluster does not say."""
+        options = (getattr(self.cluster, "new_spec", None) or {}).get("options", {})
+        # Clusters of dask-jobqueue have `cores` for a job of several workers.
+        threads = options.get("nthreads") or int(options.get("cores") or 0) // int(options.get("processes") or 1)
+        return int(threads) or None
+
     async def target(self) -> int:
         """How many Dask workers the open work of both could use."""
-        specification = getattr(self.cluster, "new_spec", None) or {}
-        threads = specification.get("options", {}).get("nthreads") or 1
-        wanted = await asyncio.to_thread(self._murmuration.workers_wanted, int(threads))
+        wanted = await asyncio.to_thread(self._murmuration.workers_wanted, self._threads())
         return max(wanted, int(await super().target()))  # type: ignore[no-untyped-call]
 
 
@@ -101,7 +107,13 @@ def on_dask(
 
     def start(text: str) -> Callable[[], None]:
         plugin = Workers(text, programs_there)
-        dask.register_plugin(plugin)
+        try:
+            dask.register_plugin(plugin)
+        except BaseException:
+            # Dask keeps the plugin, and its token, for workers that come later, even if it failed on some worker.
+            with contextlib.suppress(Exception):
+                _unregister(dask, plugin.name)
+            raise
         return lambda: _unregister(dask, plugin.name)
 
     if access is None and contact is None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 from typing import Any
 
 from ._client import Client, hosting
+from ._errors import ProgramError
 from ._workers import WorkerProcess
 
 try:
@@ -15,7 +17,10 @@ try:
 except ImportError as missing:
     raise ImportError("`murmuration.on_ray` needs Ray: pip install murmuration[ray]") from missing
 
+_LOG = logging.getLogger("murmuration")
 _SECONDS_TO_LOOK_AGAIN = 2.0
+# Time for the first workers to begin.
+_SECONDS_TO_BEGIN = 20.0
 # Time that a worker has to return its work, before its actor is killed.
 _SECONDS_TO_END = 40.0
 
@@ -41,19 +46,49 @@ class Workers:
     """
 
     def __init__(self, access: str, programs: str | None) -> None:
-        """`access` is the text of the coordinator's access file; `programs` the folder of the programs there."""
+        """`access` is the text of the coordinator's access file; `programs` the folder of the programs there.
+
+        Raises:
+            ProgramError: If a node has no program.
+        """
         self._access, self._programs = access, programs
         self.actors: dict[str, Any] = {}
+        # The first answer of each actor, which tells whether its worker could be started.
+        self._begun: dict[str, Any] = {}
         self._ending = threading.Event()
-        self.look()
+        self._look()
+        if begun := list(self._begun.values()):
+            # An actor whose node is busy begins later.
+            ready, _ = ray.wait(begun, num_returns=len(begun), timeout=_SECONDS_TO_BEGIN)
+            try:
+                ray.get(ready)
+            except ray.exceptions.RayError as error:
+                self._kill()
+                raise ProgramError(f"a worker cannot be started on a node: {error}") from None
         self._thread = threading.Thread(target=self._follow, name="murmuration-ray", daemon=True)
         self._thread.start()
 
-    def look(self) -> None:
+    def close(self) -> None:
+        """Ends all workers, which return the work that they have not begun."""
+        self._ending.set()
+        # Ray itself may not answer.
+        self._thread.join(_SECONDS_TO_END)
+        if not ray.is_initialized():
+            return
+        if ends := [actor.close.remote() for actor in self.actors.values()]:
+            ray.wait(ends, num_returns=len(ends), timeout=_SECONDS_TO_END)
+        self._kill()
+
+    def _kill(self) -> None:
+        for actor in self.actors.values():
+            ray.kill(actor)
+
+    def _look(self) -> None:
         """Starts workers on nodes that have none, and forgets nodes that are gone."""
         alive = {node["NodeID"]: node for node in ray.nodes() if node["Alive"]}
         for gone in self.actors.keys() - alive.keys():
             del self.actors[gone]
+            self._begun.pop(gone, None)
         for identifier in alive.keys() - self.actors.keys():
             threads = int(alive[identifier].get("Resources", {}).get("CPU", 0))
             if threads < 1:
@@ -66,24 +101,29 @@ class Workers:
             )
             name = f"ray {alive[identifier].get('NodeManagerHostname') or identifier[:8]}"
             self.actors[identifier] = actor.remote(self._access, name, threads, self._programs)
+            self._begun[identifier] = self.actors[identifier].process.remote()
 
-    def close(self) -> None:
-        """Ends all workers, which return the work that they have not begun."""
-        self._ending.set()
-        self._thread.join()
-        if not ray.is_initialized():
-            return
-        actors = list(self.actors.values())
-        if ends := [actor.close.remote() for actor in actors]:
-            ray.wait(ends, num_returns=len(ends), timeout=_SECONDS_TO_END)
-        for actor in actors:
-            ray.kill(actor)
+    def _check(self) -> None:
+        """Logs which nodes could not start their worker."""
+        for identifier, begun in list(self._begun.items()):
+            if not ray.wait([begun], timeout=0)[0]:
+                continue
+            del self._begun[identifier]
+            try:
+                ray.get(begun)
+            except ray.exceptions.RayError as error:
+                _LOG.error("Ray's node %s has no worker, because it cannot be started there: %s", identifier, error)
 
     def _follow(self) -> None:
         while not self._ending.wait(_SECONDS_TO_LOOK_AGAIN):
             if not ray.is_initialized():
                 return
-            self.look()
+            try:
+                self._look()
+                self._check()
+            except Exception as error:
+                # Ray's own server may be starting again.
+                _LOG.warning("Ray's nodes cannot be listed, will try again: %s", error)
 
 
 def on_ray(
@@ -110,7 +150,7 @@ def on_ray(
         programs_there: The folder of the programs on the nodes; by default where pip put them, or the PATH.
 
     Raises:
-        ProgramError: If the coordinator cannot start.
+        ProgramError: If the coordinator cannot start, or a node has no program.
 
     Example:
         >>> ray.init()  # doctest: +SKIP

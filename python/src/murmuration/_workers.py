@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
 import subprocess
-import tempfile
 import threading
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from . import _programs as programs
 from ._errors import ProgramError
 from .v1 import node_pb2 as v1
 
+_LOG = logging.getLogger("murmuration")
 # Pauses before a worker that ended is started again, in seconds: each is twice the last one.
 _FIRST_PAUSE, _LONGEST_PAUSE = 1.0, 60.0
 # A worker that ran for this time had a good start.
@@ -21,7 +22,7 @@ _GOOD_START = 60.0
 # A worker drains within seconds; one that does not is killed.
 _SECONDS_TO_DRAIN = 30.0
 # A worker whose coordinator is away for this time ends, so that it does not occupy its machine for nothing.
-_ON_LOST = "retry=10m"
+_MINUTES_WITHOUT_COORDINATOR = 10
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,14 @@ class WorkerProcess:
         program = programs.find(folder).with_name("murmuration-worker")
         if not program.exists():
             raise ProgramError(f"there is no program {program}: install Murmuration on every machine of the cluster")
-        handle, self._file = tempfile.mkstemp(prefix="murmuration-access-", suffix=".json")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
+        # The file has the token of the owner. It is in memory, and gone with the processes that have it open.
+        self._file = os.memfd_create("murmuration-access")
+        os.fchmod(self._file, 0o600)
+        with os.fdopen(os.dup(self._file), "w", encoding="utf-8") as file:
             file.write(access)
-        self._command = [os.fspath(program), "--access", self._file, "--name", name, "--threads", str(threads)]
-        self._command += ["--end-with-parent", "--on-coordinator-lost", _ON_LOST]
+        place = f"/proc/self/fd/{self._file}"
+        self._command = [os.fspath(program), "--access", place, "--name", name, "--threads", str(threads)]
+        self._command += ["--end-with-parent", "--on-coordinator-lost", f"retry={_MINUTES_WITHOUT_COORDINATOR}m"]
         self._ending = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
@@ -93,7 +97,8 @@ class WorkerProcess:
             except subprocess.TimeoutExpired:
                 running.kill()
         self._thread.join()
-        Path(self._file).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            os.close(self._file)
 
     def _keep(self) -> None:
         pause = _FIRST_PAUSE
@@ -102,17 +107,27 @@ class WorkerProcess:
             if not self._start():
                 return
             assert self._process is not None  # noqa: S101
-            # A worker that ended well was no longer wanted: its coordinator has ended.
-            if self._process.wait() == 0:
+            code = self._process.wait()
+            lasted = time.monotonic() - begun
+            # Neither a worker that ended well nor one that never found its coordinator is wanted again.
+            if code == 0 or (code == 1 and lasted >= 60 * _MINUTES_WITHOUT_COORDINATOR):
                 return
-            pause = _FIRST_PAUSE if time.monotonic() - begun > _GOOD_START else min(2 * pause, _LONGEST_PAUSE)
+            pause = _FIRST_PAUSE if lasted > _GOOD_START else min(2 * pause, _LONGEST_PAUSE)
             self._ending.wait(pause)
 
     def _start(self) -> bool:
         with self._lock:
             if self._ending.is_set():
                 return False
-            self._process = subprocess.Popen(
-                self._command, stdin=subprocess.DEVNULL, env=programs.environment(), start_new_session=True
-            )
+            try:
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.DEVNULL,
+                    env=programs.environment(),
+                    start_new_session=True,
+                    pass_fds=[self._file],
+                )
+            except OSError as error:
+                _LOG.error("%s cannot be started on this machine, which has no worker now: %s", self._command[0], error)
+                return False
         return True
