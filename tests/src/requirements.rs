@@ -133,9 +133,22 @@ pub fn chromium() -> Option<(String, String)> {
 /// The base images for building and for running containers, from `MURMURATION_TEST_BASES`.
 #[must_use]
 pub fn base_images() -> Option<(String, String)> {
+    let [build, runtime, _] = images()?;
+    Some((build, runtime))
+}
+
+/// The image of a node of a Slurm cluster.
+#[must_use]
+pub fn slurm_image() -> Option<String> {
+    let [_, _, slurm] = images()?;
+    Some(slurm)
+}
+
+/// The images that `tests/containers/base-images` made.
+fn images() -> Option<[String; 3]> {
     let named = env::var("MURMURATION_TEST_BASES").ok()?;
-    let (build, runtime) = named.trim().split_once(char::is_whitespace)?;
-    Some((build.to_owned(), runtime.trim().to_owned()))
+    let names: Vec<_> = named.split_whitespace().map(str::to_owned).collect();
+    names.try_into().ok()
 }
 
 /// The command `docker compose` or, if the machine lacks it, `docker-compose`.

@@ -53,7 +53,13 @@ const WRITE: &str = "MURMURATION_WRITE_TRANSCRIPTS";
 
 /// Kinds of documents that no transcript prints. Such a document needs a machine that computed wrongly, takes minutes, or
 /// contains the machine's name.
-const NOT_PRINTED: [&str; 5] = ["node", "lifted-quarantine", "bench-all", "bench-train", "bench-labels"];
+const NOT_PRINTED: [&str; 5] = [
+    "node",
+    "lifted-quarantine",
+    "bench-all",
+    "bench-train",
+    "bench-labels",
+];
 
 pub fn of_one_campaign() {
     check_console("campaign");

@@ -1,10 +1,11 @@
-//! Tests the cluster of deploy/compose.yaml, built from deploy/Dockerfile. The test kills containers; the outcome must equal the
-//! outcome of `murmuration run` on this machine.
+//! Tests the cluster of deploy/compose.yaml, built from deploy/Dockerfile, and the scripts of deploy/slurm on a Slurm cluster of
+//! containers. The tests kill containers; the outcome must equal the outcome of `murmuration run` on this machine.
 //!
 //! The tests need a Docker engine, and base images from `tests/containers/base-images`, which `make test-containers` makes.
 
 mod compose;
 mod debian_source;
+mod slurm;
 
 use compose::{ComposeCluster, compose_file};
 use murmuration_tests::{Murmuration, Requirement, run, test};
@@ -15,6 +16,7 @@ fn main() -> ExitCode {
         test!(killed_containers_change_nothing)
             .needs(Requirement::Compose)
             .needs(Requirement::Containers),
+        test!(slurm::campaigns_on_slurm_end_as_on_one_machine).needs(Requirement::Containers),
         test!(every_profile_is_valid_and_names_its_images).needs(Requirement::Compose),
         test!(debian_source::the_mirror_and_the_suite_are_those_of_apts_sources),
     ])
