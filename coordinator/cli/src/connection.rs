@@ -172,7 +172,12 @@ pub async fn with<T>(
     in_process: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    let connection = Connection::open(global, in_process, DataDirectory::hold_existing).await?;
+    // A command that only asks leaves a coordinator alone that it cannot hear.
+    let hold = match in_process {
+        InProcess::NONE => DataDirectory::hold_existing,
+        _ => DataDirectory::take_over_existing,
+    };
+    let connection = Connection::open(global, in_process, hold).await?;
     connection.asked(ask).await
 }
 

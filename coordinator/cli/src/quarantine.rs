@@ -69,7 +69,7 @@ fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
         error => error.into(),
     };
     // The command holds the data directory until the quarantine is lifted.
-    let directory = DataDirectory::hold_existing(&global.data).map_err(held)?;
+    let directory = DataDirectory::take_over_existing(&global.data).map_err(held)?;
     let store = Store::open(&directory)?;
     if !store.lift_quarantine(machine)? {
         return Err(CliError::Input(format!(

@@ -26,6 +26,9 @@ impl Pace {
             let seconds = now.saturating_duration_since(last).as_secs_f64();
             self.open.0 += seconds * threads as f64;
             self.open.1 += seconds;
+        } else {
+            // The tasks were withdrawn, or lost with their workers.
+            self.open = (0.0, 0.0);
         }
     }
 

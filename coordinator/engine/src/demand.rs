@@ -1,6 +1,6 @@
 //! How many workers and trainers the open work could use.
 
-use crate::campaign::CampaignStatus;
+use crate::campaign::{CampaignStatus, Campaigns};
 use murmuration_dispatch::{Load, embedding_cost, simulation_cost};
 use murmuration_model::Stage;
 use std::{num::NonZeroU32, time::Duration};
@@ -57,10 +57,26 @@ impl OpenWork {
 }
 
 impl Demand {
-    /// The demand of the campaigns at work and of other requests, in workers of `threads` threads, if the work should be done
-    /// `within` this time.
-    #[must_use]
-    pub fn of(statuses: &[CampaignStatus], load: &Load, threads: NonZeroU32, within: Duration) -> Self {
+    /// How many workers of `threads` threads the campaigns at work and other requests could use, if their work should be done
+    /// `within` this time. By default, a worker has as many threads as the connected workers on average.
+    pub async fn of(
+        campaigns: &Campaigns,
+        at_work: &[CampaignStatus],
+        threads: Option<NonZeroU32>,
+        within: Duration,
+    ) -> Self {
+        let load = campaigns.load().await;
+        let mean = || {
+            let mean = load.threads.checked_div(load.workers).unwrap_or(1);
+            u32::try_from(mean)
+                .ok()
+                .and_then(NonZeroU32::new)
+                .unwrap_or(NonZeroU32::MIN)
+        };
+        Self::of_all(at_work, &load, threads.unwrap_or_else(mean), within)
+    }
+
+    fn of_all(statuses: &[CampaignStatus], load: &Load, threads: NonZeroU32, within: Duration) -> Self {
         let trains = |status: &&CampaignStatus| matches!(status.stage, Stage::Pretrain | Stage::FineTune);
         let at_work = || statuses.iter().filter(|status| status.active);
         let mut open: Vec<_> = at_work().filter_map(OpenWork::of).collect();

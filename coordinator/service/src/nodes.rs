@@ -54,7 +54,7 @@ pub(super) async fn demand_of(
     within: Duration,
 ) -> Result<Demand, Status> {
     let statuses = campaigns.at_work().await.or_status()?;
-    Ok(campaigns.demand(&statuses, threads, within).await)
+    Ok(Demand::of(campaigns, &statuses, threads, within).await)
 }
 
 /// The threads of a wanted worker, as a request names them.

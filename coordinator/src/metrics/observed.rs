@@ -4,7 +4,7 @@ use super::PREFIX;
 use murmuration_access::Seats;
 use murmuration_engine::{
     campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
-    demand::WITHIN,
+    demand::{Demand, WITHIN},
 };
 use murmuration_model::CampaignState;
 use murmuration_store::{Store, StoreError};
@@ -28,7 +28,7 @@ pub(super) async fn observe(
     // enough.
     let heads = campaigns.heads().await?;
     let statuses = campaigns.at_work().await?;
-    let demand = campaigns.demand(&statuses, None, WITHIN).await;
+    let demand = Demand::of(campaigns, &statuses, None, WITHIN).await;
     let mut registry = Registry::with_prefix(PREFIX);
     for (name, help, value) in [
         (

@@ -195,8 +195,20 @@ impl DataDirectory {
     /// # Errors
     /// The errors of `hold`, and [`StoreError::NoDirectory`] without a database.
     pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
+        Self::hold_existing_from(path, Unknown::Spare)
+    }
+
+    /// Like [`DataDirectory::hold_existing`], but takes over from a holder on another machine as [`DataDirectory::hold`] does.
+    ///
+    /// # Errors
+    /// The errors of `hold_existing`.
+    pub fn take_over_existing(path: &Path) -> Result<Self, StoreError> {
+        Self::hold_existing_from(path, Unknown::TakeOver(&Interrupt::default()))
+    }
+
+    fn hold_existing_from(path: &Path, unknown: Unknown<'_>) -> Result<Self, StoreError> {
         if super::find_database(&path.join(super::Store::FILE))? {
-            Self::hold_from(path, Unknown::Spare)
+            Self::hold_from(path, unknown)
         } else {
             Err(StoreError::NoDirectory(path.to_path_buf()))
         }

@@ -53,6 +53,7 @@ pub(super) struct Lease {
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 struct Holder {
     /// A random text, different for each lease.
+    #[serde(default)]
     id: String,
     /// Name of the machine.
     machine: String,
@@ -246,7 +247,8 @@ impl Lease {
         Ok(())
     }
 
-    /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits.
+    /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits. Changes
+    /// that are late are refused from then on.
     pub(super) fn end(&self) {
         let ended = Holder {
             ended: true,
@@ -328,8 +330,8 @@ impl Holder {
         if test_kill_process(process) == Err(rustix::io::Errno::SRCH) {
             return Some(false);
         }
-        let life = Life::of(process)?;
-        Some(life.runs && Some(life.began) == self.began)
+        let (life, began) = (Life::of(process)?, self.began?);
+        Some(life.runs && life.began == began)
     }
 }
 
@@ -394,9 +396,10 @@ fn former(
 ) -> Result<Former, Refusal> {
     // The lock of a local file system excludes all processes that reach the directory in the same way.
     let excludes = locked && own.is_local;
-    let begun = Instant::now();
     let count = beat_count(folder, number);
+    let (mut unheard, mut is_told) = (Duration::ZERO, false);
     loop {
+        let begun = Instant::now();
         match read(folder, number)? {
             Read::Gone => return Ok(Former::Ended),
             Read::Holder(holder) => {
@@ -412,7 +415,7 @@ fn former(
                     None if excludes => return Ok(ended),
                     None => {}
                 }
-                if begun.elapsed() < LOOK_PAUSE {
+                if !std::mem::replace(&mut is_told, true) {
                     tracing::warn!(
                         machine = holder.machine,
                         folder = %folder.display(),
@@ -438,10 +441,12 @@ fn former(
                 Read::Empty => Former::Silent,
             });
         }
-        if begun.elapsed() >= SILENCE {
+        if unheard >= SILENCE {
             return Ok(Former::Silent);
         }
         thread::sleep(LOOK_PAUSE);
+        // While a file server does not answer, nobody is heard.
+        unheard += begun.elapsed().min(2 * LOOK_PAUSE);
     }
 }
 
@@ -533,7 +538,8 @@ fn own_file() -> fs::OpenOptions {
     let mut options = fs::File::options();
     options
         .write(true)
-        .mode(0o600)
+        // Nothing in them is secret, and the next holder can be another user: the owner after root, for example.
+        .mode(0o644)
         .custom_flags(OFlags::NOFOLLOW.bits().cast_signed());
     options
 }

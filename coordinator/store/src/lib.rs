@@ -216,9 +216,10 @@ impl Store {
         });
         let changed = changed.map_err(|error| error.at(&self.path));
         // A change that another process cannot know of must not be acknowledged.
-        self.lease
-            .as_ref()
-            .map_or(Ok(()), |lease| lease.check_committed())?;
+        match &self.lease {
+            Some(lease) if changed.is_ok() => lease.check_committed()?,
+            _ => {}
+        }
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }

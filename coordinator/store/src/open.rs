@@ -75,8 +75,9 @@ pub(super) fn renew(
     // SQLite keeps the log beside the file itself.
     let failed = |error| StoreError::from_io(error, "find", &database);
     let database = database.canonicalize().map_err(failed)?;
+    check()?;
     remove_abandoned(&database);
-    for path in [with_suffix(&database, "-wal"), database] {
+    for path in [with_suffix(&database, "-wal"), database.clone()] {
         let failed = |error| StoreError::from_io(error, "copy", &path);
         let mut former = match fs::File::open(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
@@ -96,6 +97,7 @@ pub(super) fn renew(
         }
         placed?;
     }
+    let folder = folder_of(&database);
     sync(folder).map_err(|error| StoreError::from_io(error, "write", folder))
 }
 

@@ -75,12 +75,12 @@ class Workers:
         self._thread.join(_SECONDS_TO_END)
         if not ray.is_initialized():
             return
-        if ends := [actor.close.remote() for actor in self.actors.values()]:
+        if ends := [actor.close.remote() for actor in list(self.actors.values())]:
             ray.wait(ends, num_returns=len(ends), timeout=_SECONDS_TO_END)
         self._kill()
 
     def _kill(self) -> None:
-        for actor in self.actors.values():
+        for actor in list(self.actors.values()):
             ray.kill(actor)
 
     def _look(self) -> None:
@@ -90,6 +90,8 @@ class Workers:
             del self.actors[gone]
             self._begun.pop(gone, None)
         for identifier in alive.keys() - self.actors.keys():
+            if self._ending.is_set():
+                return
             threads = int(alive[identifier].get("Resources", {}).get("CPU", 0))
             if threads < 1:
                 # A node for other resources, such as a head that runs no tasks.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 import subprocess
+import tempfile
 import threading
 import time
 from dataclasses import dataclass
@@ -64,12 +64,11 @@ class WorkerProcess:
         program = programs.find(folder).with_name("murmuration-worker")
         if not program.exists():
             raise ProgramError(f"there is no program {program}: install Murmuration on every machine of the cluster")
-        # The file has the token of the owner. It is in memory, and gone with the processes that have it open.
-        self._file = os.memfd_create("murmuration-access")
-        os.fchmod(self._file, 0o600)
-        with os.fdopen(os.dup(self._file), "w", encoding="utf-8") as file:
-            file.write(access)
-        place = f"/proc/self/fd/{self._file}"
+        # The file has the token of the owner. It has no name, so it is gone with the processes that have it open.
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115
+        self._file.write(access.encode())
+        self._file.flush()
+        place = f"/proc/self/fd/{self._file.fileno()}"
         self._command = [os.fspath(program), "--access", place, "--name", name, "--threads", str(threads)]
         self._command += ["--end-with-parent", "--on-coordinator-lost", f"retry={_MINUTES_WITHOUT_COORDINATOR}m"]
         self._ending = threading.Event()
@@ -97,8 +96,7 @@ class WorkerProcess:
             except subprocess.TimeoutExpired:
                 running.kill()
         self._thread.join()
-        with contextlib.suppress(OSError):
-            os.close(self._file)
+        self._file.close()
 
     def _keep(self) -> None:
         pause = _FIRST_PAUSE
@@ -125,7 +123,7 @@ class WorkerProcess:
                     stdin=subprocess.DEVNULL,
                     env=programs.environment(),
                     start_new_session=True,
-                    pass_fds=[self._file],
+                    pass_fds=[self._file.fileno()],
                 )
             except OSError as error:
                 _LOG.error("%s cannot be started on this machine, which has no worker now: %s", self._command[0], error)

@@ -9,8 +9,8 @@ use super::{
     run,
     run_handle::{Progress, RunHandle, held_up_by},
 };
-use crate::{demand::Demand, synthetic::SyntheticAnnotator};
-use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Trainers};
+use crate::synthetic::SyntheticAnnotator;
+use murmuration_dispatch::{ConnectedMachine, Evaluated, EvaluationJob, JobError, Load, Trainers};
 use murmuration_model::{
     CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage, TimeLeft,
     WorkLeft,
@@ -20,7 +20,6 @@ use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Notice, Started, Store, StoreError, checkpoints::Checkpoints};
 use murmuration_swarm::{Controller, EmbedderSource, Evaluation, Feedback, World};
 use std::{
-    num::NonZeroU32,
     sync::Arc,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
@@ -331,23 +330,9 @@ impl Campaigns {
         self.statuses(active.map(|(id, _)| id).collect()).await
     }
 
-    /// How many workers of `threads` threads the campaigns at work and other requests could use, if their work should be done
-    /// `within` this time. By default, a worker has as many threads as the connected workers on average.
-    pub async fn demand(
-        &self,
-        at_work: &[CampaignStatus],
-        threads: Option<NonZeroU32>,
-        within: Duration,
-    ) -> Demand {
-        let load = self.context.dispatch.load().await;
-        let mean = || {
-            let mean = load.threads.checked_div(load.workers).unwrap_or(1);
-            u32::try_from(mean)
-                .ok()
-                .and_then(NonZeroU32::new)
-                .unwrap_or(NonZeroU32::MIN)
-        };
-        Demand::of(at_work, &load, threads.unwrap_or_else(mean), within)
+    /// How busy the dispatcher of workers is.
+    pub async fn load(&self) -> Load {
+        self.context.dispatch.load().await
     }
 
     /// The workers and trainers that are connected to this coordinator, each by name.
