@@ -135,15 +135,12 @@ impl DataDirectory {
             // Earlier versions made a lock file that everybody could read. Some file systems have no permissions.
             let _ = lock.set_permissions(fs::Permissions::from_mode(0o600));
         }
-        let (lease, renews) = match Lease::take(path, &file_system, locked, unknown) {
-            Ok((lease, renews)) => (Arc::new(lease), renews),
+        let lease = match Lease::take(path, &file_system, locked, unknown) {
+            Ok(lease) => Arc::new(lease),
             Err(refusal) => return Err(refused(refusal, path, lock)),
         };
         let beating = Beating::of(lease.clone()).map_err(failed("start a thread for", path))?;
-        if renews {
-            // What the former holder had begun to write must not get into the database of this process. Copying can take long.
-            lease.renew(|new, check| open::renew(path, new, check))?;
-        }
+        lease.renew(|new, check| open::renew(path, new, check))?;
         let held = Self {
             path: path.to_path_buf(),
             beating,

@@ -74,16 +74,16 @@ struct Holder {
     ended: bool,
 }
 
-/// What to do about a holder of which nobody knows whether it still runs.
+/// How to treat a former holder if it is unknown whether it still runs.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Unknown<'a> {
-    /// Wait for a sign of it, then take over.
+    /// Wait for a change of its counter; without a change, take over.
     TakeOver(&'a Interrupt),
-    /// Take it to run.
+    /// Treat it as running.
     Spare,
 }
 
-/// What is known about the former holder of a data directory.
+/// The state of a former holder of the data directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Former {
     Runs,
@@ -106,19 +106,19 @@ pub(super) enum Refusal {
 }
 
 impl Lease {
-    /// Takes the lease of the data directory `data`. `locked` tells whether this process has the lock of the directory. Also
-    /// returns whether the former holder may still run: then [`Lease::renew`] must succeed before the database is opened.
+    /// Takes the lease of the data directory `data`. `locked` tells whether this process has the lock of the directory.
+    /// [`Lease::renew`] must succeed before the database is opened.
     pub(super) fn take(
         data: &Path,
         file_system: &FileSystem,
         locked: bool,
         unknown: Unknown<'_>,
-    ) -> Result<(Self, bool), Refusal> {
+    ) -> Result<Self, Refusal> {
         let folder = data.join(FOLDER);
         make_folder(&folder).map_err(failed("make", &folder))?;
         let own = Holder::current(file_system);
         // A lease that is made after this list was read has the number that this process wants.
-        let known = numbers(&folder)?;
+        let known = numbers(&folder).map_err(failed("list", &folder))?;
         let renews = match all_former(&folder, &known, &own, locked, unknown)? {
             Former::Runs => return Err(Refusal::Held),
             Former::Ended => false,
@@ -135,15 +135,20 @@ impl Lease {
             lost: watch::Sender::new(false),
         };
         lease.make(&folder)?;
-        Ok((lease, renews))
+        Ok(lease)
     }
 
-    /// Lets `copy` replace the files that the former holder may have open. `copy` gets a text for the names of its new files, and
-    /// a check for the moment before each replacement. If this process ends meanwhile, the next holder does the same.
+    /// If the former holder may still run, lets `copy` replace the files that it may have open: what it had begun to write must not
+    /// get into the database of this process. `copy` gets a text for the names of its new files, and a check for the moment before
+    /// each replacement. If this process ends meanwhile, the next holder does the same. Copying can take long, so other processes
+    /// must hear this process meanwhile (see [`Lease::beat`]).
     pub(super) fn renew(
         &self,
         copy: impl FnOnce(&str, &dyn Fn() -> Result<(), StoreError>) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
+        if !self.holder.renews {
+            return Ok(());
+        }
         copy(&self.holder.id, &|| self.check())?;
         self.check()?;
         let path = self.path();
@@ -154,9 +159,8 @@ impl Lease {
         self.write(&renewed)
             .map_err(|error| StoreError::from_io(error, "write", &path))?;
         let folder = self.data.join(FOLDER);
-        let listed = fs::read_dir(&folder).map_err(|error| StoreError::from_io(error, "list", &folder))?;
-        let newest = listed.filter_map(|entry| number_of(&entry.ok()?)).max();
-        if newest != Some(self.number) {
+        let all = numbers(&folder).map_err(|error| StoreError::from_io(error, "list", &folder))?;
+        if newest_of(&all) != Some(self.number) {
             // The file had been removed before it was written again.
             self.remove(self.number);
         }
@@ -170,18 +174,27 @@ impl Lease {
             made => drop(made.map_err(failed("make", &path))?),
         }
         let begun = self.write(&self.holder).and_then(|()| self.beat(0));
-        let abandoned = |refusal| {
+        let made = begun
+            .map_err(failed("write", &path))
+            .and_then(|()| self.fence_off(folder));
+        if made.is_err() {
             self.remove(self.number);
-            refusal
-        };
-        begun.map_err(failed("write", &path)).map_err(abandoned)?;
-        // A process that was slow to make this file may be late: others have taken later leases meanwhile.
-        if newest_of(&numbers(folder)?) != Some(self.number) {
-            return Err(abandoned(Refusal::Held));
         }
-        for older in numbers(folder)? {
-            if older < self.number {
-                self.remove(older);
+        made
+    }
+
+    /// Removes the leases before this one, so that their holders change nothing more.
+    fn fence_off(&self, folder: &Path) -> Result<(), Refusal> {
+        let all = numbers(folder).map_err(failed("list", folder))?;
+        // A process that was slow to make its file may be late: others have taken later leases meanwhile.
+        if newest_of(&all) != Some(self.number) {
+            return Err(Refusal::Held);
+        }
+        for older in all.into_iter().filter(|&older| older < self.number) {
+            let path = file_of(folder, older);
+            match fs::remove_file(&path) {
+                Err(error) if !is_gone(&error) => return Err(failed("remove", &path)(error)),
+                _ => self.remove(older),
             }
         }
         Ok(())
@@ -247,8 +260,7 @@ impl Lease {
         Ok(())
     }
 
-    /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits. Changes
-    /// that are late are refused from then on.
+    /// Gives the lease back, so that the next holder need not wait. Ignores failures: without this, the next holder waits.
     pub(super) fn end(&self) {
         let ended = Holder {
             ended: true,
@@ -280,9 +292,9 @@ impl Lease {
         fs::rename(&new, &path)
     }
 
+    /// Removes the files of a lease that is over. Ignores failures: at worst, the next holder waits for a sign of it.
     fn remove(&self, number: u64) {
         let folder = self.data.join(FOLDER);
-        // A file that stays does no harm: only the newest lease counts.
         for extension in ["json", "beat", "new"] {
             let _ = fs::remove_file(folder.join(format!("{number}.{extension}")));
         }
@@ -455,7 +467,7 @@ pub(super) fn is_held(data: &Path, file_system: &FileSystem, locked: bool) -> Re
     let folder = data.join(FOLDER);
     let known = match fs::symlink_metadata(&folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
-        _ => numbers(&folder)?,
+        _ => numbers(&folder).map_err(failed("list", &folder))?,
     };
     let (own, never) = (Holder::current(file_system), Interrupt::default());
     Ok(all_former(&folder, &known, &own, locked, Unknown::TakeOver(&never))? == Former::Runs)
@@ -498,16 +510,16 @@ fn newest_of(numbers: &[u64]) -> Option<u64> {
 }
 
 /// Numbers of the leases in a folder.
-fn numbers(folder: &Path) -> Result<Vec<u64>, Refusal> {
-    let number = |entry: io::Result<fs::DirEntry>| Ok(number_of(&entry.map_err(failed("list", folder))?));
-    let entries = fs::read_dir(folder).map_err(failed("list", folder))?;
-    entries.map(number).filter_map(Result::transpose).collect()
-}
-
-/// The number of the lease whose file this is, if it is one.
-fn number_of(entry: &fs::DirEntry) -> Option<u64> {
-    let name = entry.file_name();
-    name.to_str()?.strip_suffix(".json")?.parse().ok()
+fn numbers(folder: &Path) -> io::Result<Vec<u64>> {
+    let number = |entry: io::Result<fs::DirEntry>| {
+        let name = entry?.file_name();
+        let number = name.to_str().and_then(|name| name.strip_suffix(".json"));
+        Ok(number.and_then(|number| number.parse().ok()))
+    };
+    fs::read_dir(folder)?
+        .map(number)
+        .filter_map(Result::transpose)
+        .collect()
 }
 
 /// Makes the folder of leases. In another user's data directory, the folder could be a link to anywhere.

@@ -9,7 +9,7 @@ use rusqlite::{
 };
 use std::{
     fs, io,
-    os::unix::ffi::OsStrExt as _,
+    os::unix::{ffi::OsStrExt as _, fs::OpenOptionsExt as _},
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -84,7 +84,13 @@ pub(super) fn renew(
             former => former.map_err(failed)?,
         };
         let copy = with_suffix(&path, &format!("{RENEWED}{new}"));
-        let mut file = fs::File::create_new(&copy).map_err(failed)?;
+        // The check must come after the copy is on disk, so no library that writes, syncs and renames in one step helps here.
+        let created = fs::File::options()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&copy);
+        let mut file = created.map_err(failed)?;
         let copied = io::copy(&mut former, &mut file)
             .and_then(|_| file.set_permissions(former.metadata()?.permissions()))
             .and_then(|()| file.sync_all())

@@ -506,3 +506,34 @@ fn a_data_directory_whose_name_is_no_text_is_looked_at() {
         .unwrap();
     assert_eq!(campaigns, 0);
 }
+
+/// Another process may be copying the database, or have its own log at the same path.
+#[test]
+fn on_a_shared_file_system_neither_a_commit_nor_a_close_writes_the_database_or_removes_its_log() {
+    let (folder, store) = open();
+    drop(store);
+    let path = folder.path().join(Store::FILE);
+    let log = folder.path().join(format!("{}-wal", Store::FILE));
+    let before = fs::read(&path).unwrap();
+    let nfs = FileSystem::of_kind("nfs4".to_owned());
+    let connection = open::to_write(&path, &nfs).unwrap();
+    let reader = open::to_read(&path, &nfs).unwrap();
+    connection
+        .execute_batch("CREATE TABLE notes (note BLOB)")
+        .unwrap();
+    // More pages than SQLite lets a log have before it writes them into the database by itself.
+    for _ in 0..10 {
+        let insert = "INSERT INTO notes VALUES (zeroblob(1 << 20))";
+        connection.execute_batch(insert).unwrap();
+    }
+    let count = |connection: &Connection| -> i64 {
+        let count = "SELECT count(*) FROM notes";
+        connection.query_row(count, [], |row| row.get(0)).unwrap()
+    };
+    assert_eq!(count(&reader), 10);
+    reader.close().unwrap();
+    connection.close().unwrap();
+    assert!(fs::read(&path).unwrap() == before && log.metadata().unwrap().len() > 10 << 20);
+    let again = open::to_write(&path, &nfs).unwrap();
+    assert_eq!(count(&again), 10);
+}

@@ -19,13 +19,12 @@ fn take_elsewhere(data: &Path) -> Result<(Lease, bool), Refusal> {
     take_by(data, &shared(), false)
 }
 
+/// Also returns whether the files must be replaced.
 fn take_by(data: &Path, file_system: &FileSystem, locked: bool) -> Result<(Lease, bool), Refusal> {
-    Lease::take(
-        data,
-        file_system,
-        locked,
-        Unknown::TakeOver(&Interrupt::default()),
-    )
+    let interrupt = Interrupt::default();
+    let lease = Lease::take(data, file_system, locked, Unknown::TakeOver(&interrupt))?;
+    let renews = lease.holder.renews;
+    Ok((lease, renews))
 }
 
 /// The lease `number` of a process on another machine, which reaches the folder over a network.
