@@ -16,8 +16,7 @@ use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
 use murmuration_proto::v1;
-use murmuration_search::interrupt::Interrupt;
-use murmuration_store::{DataDirectory, StoreError, blocking::Broken};
+use murmuration_store::{DataDirectory, StoreError, blocking::interruptible};
 use murmuration_swarm::{CampaignSpec, counted};
 use std::{
     path::{Path, PathBuf},
@@ -217,24 +216,13 @@ impl Run {
     }
 }
 
-/// Raises its flag when it is dropped.
-struct RaisedOnDrop(Interrupt);
-
-impl Drop for RaisedOnDrop {
-    fn drop(&mut self) {
-        self.0.raise();
-    }
-}
-
 /// Holds a data directory, which a short command or the same launch before may still hold, within this time. Dropping the future
 /// ends the wait for a holder on another machine.
 pub(super) async fn hold_within(limit: Duration, data: &Path) -> Result<DataDirectory, StoreError> {
     let begun = Instant::now();
-    let dropped = RaisedOnDrop(Interrupt::default());
     loop {
-        let (path, interrupt) = (data.to_path_buf(), dropped.0.clone());
-        let held = tokio::task::spawn_blocking(move || DataDirectory::hold_unless(&path, &interrupt));
-        match held.await.map_err(|_| Broken)? {
+        let path = data.to_path_buf();
+        match interruptible(move |interrupt| DataDirectory::hold_unless(&path, interrupt)).await? {
             Err(StoreError::InUse { .. }) if begun.elapsed() < limit => {
                 tokio::time::sleep(HOLD_PAUSE).await;
             }

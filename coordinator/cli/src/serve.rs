@@ -88,24 +88,39 @@ pub struct Serve {
     in_process: InProcessArgs,
 }
 
-#[expect(clippy::unnecessary_wraps, reason = "the result of the command")]
-fn not_started(signal: &str) -> Result<(), CliError> {
-    errln!("{signal}; the coordinator had not started yet");
-    Ok(())
-}
-
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let listen = self.listen_config()?;
         // As the first process of a container, a process without handlers ignores these signals.
         let ended = termination();
         tokio::pin!(ended);
-        let held = tokio::select! {
+        let cluster = tokio::select! {
             biased;
-            signal = &mut ended => return not_started(signal),
-            held = hold_within(HOLD_WAIT, &global.data) => held,
+            signal = &mut ended => {
+                errln!("{signal}; the coordinator had not started yet");
+                return Ok(());
+            }
+            cluster = self.start(global) => cluster?,
         };
-        let data = held.map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
+        if let Some(access) = cluster.coordinator().published() {
+            errln!("serving {} at {}", global.data.display(), access.pages);
+            self.say_how_to_reach(global, access)?;
+        }
+        let taken_over = tokio::select! {
+            signal = &mut ended => {
+                errln!("{signal}; the next `murmuration serve` continues the running campaigns");
+                None
+            }
+            taken_over = cluster.coordinator().taken_over() => Some(taken_over),
+        };
+        cluster.shutdown().await?;
+        taken_over.map_or(Ok(()), |taken_over| Err(taken_over.into()))
+    }
+
+    async fn start(&self, global: &Global) -> Result<LocalCluster, CliError> {
+        let listen = self.listen_config()?;
+        let data = hold_within(HOLD_WAIT, &global.data)
+            .await
+            .map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
             data,
             listen,
@@ -121,25 +136,7 @@ impl Serve {
                 contact: self.contact.clone().map(String::from),
             }),
         };
-        let started = LocalCluster::start(options, self.in_process.count());
-        let cluster = tokio::select! {
-            biased;
-            signal = &mut ended => return not_started(signal),
-            cluster = started => cluster?,
-        };
-        if let Some(access) = cluster.coordinator().published() {
-            errln!("serving {} at {}", global.data.display(), access.pages);
-            self.say_how_to_reach(global, access)?;
-        }
-        let taken_over = tokio::select! {
-            signal = &mut ended => {
-                errln!("{signal}; the next `murmuration serve` continues the running campaigns");
-                None
-            }
-            taken_over = cluster.coordinator().taken_over() => Some(taken_over),
-        };
-        cluster.shutdown().await?;
-        taken_over.map_or(Ok(()), |taken_over| Err(taken_over.into()))
+        Ok(LocalCluster::start(options, self.in_process.count()).await?)
     }
 
     fn listen_config(&self) -> Result<ListenConfig, CliError> {

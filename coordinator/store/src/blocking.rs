@@ -88,6 +88,16 @@ pub async fn changing<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'stat
     run(Handle::current(), |_| work()).await
 }
 
+/// Runs `work` like [`changing`]. If the future is dropped, the work is interrupted, or never begins.
+///
+/// # Errors
+/// [`Broken`] if `work` panics.
+pub async fn interruptible<T: Send + 'static>(
+    work: impl FnOnce(&Interrupt) -> T + Send + 'static,
+) -> Result<T, Broken> {
+    run(Handle::current(), work).await
+}
+
 /// Runs `work` that a client waits for, but no campaign. The work runs on one of a few threads of low priority, or with normal
 /// priority as far as the task's [`Turns`] allow this. If the future is dropped, for example when a request's client disconnects,
 /// the work is interrupted, or never begins.
