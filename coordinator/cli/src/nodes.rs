@@ -11,6 +11,7 @@ use clap::builder::RangedU64ValueParser;
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::errln;
 use murmuration_proto::{parts::whole, v1};
+use murmuration_service::nodes::doing;
 use murmuration_swarm::{counted, grouped};
 
 const EXAMPLES: &str = "\
@@ -41,16 +42,18 @@ impl Nodes {
                 seconds: self.within,
             };
             let demand = connection.nodes.get_demand(request).await?.into_inner();
+            if self.wanted {
+                return Ok((demand, None));
+            }
             let listed = connection.nodes.list_nodes(v1::ListNodesRequest {}).await?;
-            Ok((demand, whole(listed.into_inner()).await?.nodes.validated()?))
+            let nodes = whole(listed.into_inner()).await?.nodes.validated()?;
+            Ok((demand, Some(nodes)))
         };
-        let (demand, nodes) = connection::with(global, InProcess::NONE, ask).await?;
-        match (global.json, self.wanted) {
-            (true, true) => json::print(json::Document(&demand))?,
-            (true, false) => json::print_all(nodes.iter().map(json::Document))?,
-            (false, true) => errln!("{}", in_words(&demand)),
-            (false, false) => {
-                show(&nodes)?;
+        match (connection::with(global, InProcess::NONE, ask).await?, global.json) {
+            ((demand, None), true) => json::print(json::Document(&demand))?,
+            ((_, Some(nodes)), true) => json::print_all(nodes.iter().map(json::Document))?,
+            ((demand, nodes), false) => {
+                nodes.as_deref().map_or(Ok(()), show)?;
                 errln!("{}", in_words(&demand));
             }
         }
@@ -73,30 +76,6 @@ fn show(nodes: &[v1::Node]) -> Result<(), CliError> {
         table.row([node.name.clone(), kind.to_owned(), threads, doing(node)]);
     }
     Ok(table.print()?)
-}
-
-/// The current work of a node, in words.
-fn doing(node: &v1::Node) -> String {
-    if node.work.is_empty() {
-        return match node.threads {
-            0 => "leaving".to_owned(),
-            _ => "waiting for work".to_owned(),
-        };
-    }
-    let work = node.work.iter().map(|work| {
-        let what = match work.kind() {
-            v1::WorkKind::Evaluation | v1::WorkKind::Unspecified => "evaluation",
-            v1::WorkKind::Embedding => "embedding",
-            v1::WorkKind::Replay => "motion",
-            v1::WorkKind::Training => "training",
-        };
-        let tasks = counted(work.tasks.into(), what);
-        match work.campaign.as_str() {
-            "" => tasks,
-            campaign => format!("{tasks} of {campaign}"),
-        }
-    });
-    work.collect::<Vec<_>>().join("; ")
 }
 
 /// The demand in a sentence.
@@ -125,22 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_and_demand_are_said_in_words() {
-        let work = |kind: v1::WorkKind, campaign: &str, tasks| v1::NodeWork {
-            kind: kind.into(),
-            campaign: campaign.to_owned(),
-            tasks,
-        };
-        let mut node = v1::Node {
-            threads: 4,
-            ..v1::Node::default()
-        };
-        assert_eq!(doing(&node), "waiting for work");
-        node.work = vec![
-            work(v1::WorkKind::Evaluation, "rings-1", 16),
-            work(v1::WorkKind::Replay, "", 1),
-        ];
-        assert_eq!(doing(&node), "16 evaluations of rings-1; 1 motion");
+    fn demand_is_said_in_words() {
         let mut demand = v1::Demand::default();
         assert_eq!(
             in_words(&demand),

@@ -5,7 +5,7 @@ mod checkpoints;
 mod evaluations;
 mod labels;
 mod nearest;
-mod nodes;
+pub mod nodes;
 mod recent;
 pub mod report_data;
 mod scaler;

@@ -8,7 +8,7 @@ use murmuration_engine::{
     demand::{Demand, WITHIN},
 };
 use murmuration_proto::{parts::parts, v1};
-use murmuration_swarm::Invalid;
+use murmuration_swarm::{Invalid, counted};
 use std::{num::NonZeroU32, ops::RangeInclusive, time::Duration};
 use tonic::{Request, Response, Status};
 
@@ -90,7 +90,9 @@ fn message(demand: Demand) -> v1::Demand {
     }
 }
 
-fn node(machine: ConnectedMachine, kind: v1::NodeKind) -> v1::Node {
+/// A connected worker or trainer, as a message.
+#[must_use]
+pub fn node(machine: ConnectedMachine, kind: v1::NodeKind) -> v1::Node {
     let work = |work: WorkInHand| v1::NodeWork {
         kind: of_work(work.kind).into(),
         campaign: work.campaign.map(|id| id.to_string()).unwrap_or_default(),
@@ -104,11 +106,66 @@ fn node(machine: ConnectedMachine, kind: v1::NodeKind) -> v1::Node {
     }
 }
 
+/// The current work of a node, in words.
+#[must_use]
+pub fn doing(node: &v1::Node) -> String {
+    if node.work.is_empty() {
+        return match node.threads {
+            0 => "leaving".to_owned(),
+            _ => "waiting for work".to_owned(),
+        };
+    }
+    let words: Vec<String> = node.work.iter().map(in_words).collect();
+    words.join("; ")
+}
+
+fn in_words(work: &v1::NodeWork) -> String {
+    let tasks = u64::from(work.tasks);
+    let what = match work.kind() {
+        v1::WorkKind::Evaluation => format!("evaluates {}", counted(tasks, "controller")),
+        v1::WorkKind::Embedding => format!("embeds {}", counted(tasks, "individual")),
+        v1::WorkKind::Replay => "simulates a motion".to_owned(),
+        v1::WorkKind::Training => "trains the embedder".to_owned(),
+        v1::WorkKind::Unspecified => format!("works on {}", counted(tasks, "task")),
+    };
+    match work.campaign.as_str() {
+        "" => what,
+        campaign => format!("{what} of {campaign}"),
+    }
+}
+
 const fn of_work(kind: WorkKind) -> v1::WorkKind {
     match kind {
         WorkKind::Evaluation => v1::WorkKind::Evaluation,
         WorkKind::Embedding => v1::WorkKind::Embedding,
         WorkKind::Replay => v1::WorkKind::Replay,
         WorkKind::Training => v1::WorkKind::Training,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_node_does_is_said_in_words() {
+        let mut machine = ConnectedMachine {
+            name: "bob".to_owned(),
+            capacity: 2,
+            work: Vec::new(),
+        };
+        let words = |machine: &ConnectedMachine| doing(&node(machine.clone(), v1::NodeKind::Worker));
+        assert_eq!(words(&machine), "waiting for work");
+        machine.work = [(WorkKind::Evaluation, 16), (WorkKind::Replay, 1)]
+            .map(|(kind, tasks)| WorkInHand {
+                kind,
+                campaign: "small-1".parse().ok(),
+                tasks,
+            })
+            .into();
+        assert_eq!(
+            words(&machine),
+            "evaluates 16 controllers of small-1; simulates a motion of small-1"
+        );
     }
 }

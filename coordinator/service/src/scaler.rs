@@ -24,7 +24,7 @@ pub struct ScalerApi {
     pub campaigns: Campaigns,
 }
 
-/// What a trigger's metadata ask about.
+/// The request of a trigger, from its metadata.
 #[derive(Debug, Clone, Copy)]
 struct Trigger {
     /// The metric: workers or trainers.
