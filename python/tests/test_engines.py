@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -52,8 +54,6 @@ def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(d
     ):
         wait_until(lambda: len(workers(client)) == 2)
         assert all(worker.name.startswith("dask ") for worker in workers(client))
-        campaign = client.submit(SPEC)
-        wait_until(lambda: campaign.status().generations_done > 3)
 
         # Dask sends local functions by value: its workers do not have this module.
         def process(dask_worker: Any) -> Any:  # noqa: ANN401
@@ -62,10 +62,12 @@ def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(d
 
         before = set(dask.run(process).values())
         victim = next(iter(dask.run(os.getpid).values()))
+        campaign = client.submit(SPEC)
+        wait_until(lambda: campaign.status().generations_done > 3)
         os.kill(victim, signal.SIGKILL)
-        # Dask starts the killed process again; the fault has struck before the campaign ended.
-        wait_until(lambda: len(set(dask.run(process, on_error="ignore").values()) - before - {None}) == 1)
         assert campaign.status().generations_done < SPEC["search"]["generations"]
+        # Dask starts the killed process again.
+        wait_until(lambda: len(set(dask.run(process, on_error="ignore").values()) - before - {None}) == 1)
         cluster.scale(3)
         wait_until(lambda: len(workers(client)) == 3)
         assert campaign.wait(progress=False).digest() == digest
@@ -104,17 +106,22 @@ def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(
         with mm.on_ray(trainers=0) as client:
             wait_until(lambda: len(workers(client)) == 1)
             assert workers(client)[0].threads == 2
-            campaign = client.submit(SPEC)
-            wait_until(lambda: campaign.status().generations_done > 3)
             (actor,) = client._end_workers.__self__.actors.values()  # type: ignore[union-attr]
             process = ray.get(actor.process.remote())
+            campaign = client.submit(SPEC)
+            wait_until(lambda: campaign.status().generations_done > 3)
             os.kill(process, signal.SIGKILL)
-            wait_until(lambda: ray.get(actor.process.remote()) not in (None, process))
             assert campaign.status().generations_done < SPEC["search"]["generations"]
+            wait_until(lambda: ray.get(actor.process.remote()) not in (None, process))
             ray.kill(actor, no_restart=False)
             assert campaign.wait(progress=False).digest() == digest
     finally:
         ray.shutdown()
+
+
+def test_everything_can_be_imported_without_dask_and_ray() -> None:
+    without = "import sys; sys.modules.update(distributed=None, ray=None); from murmuration import *; connect"
+    subprocess.run([sys.executable, "-c", without], check=True)
 
 
 def test_a_worker_process_that_ends_is_started_again(client: mm.Client, tmp_path: Path) -> None:

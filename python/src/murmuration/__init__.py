@@ -33,9 +33,9 @@ from ._tables import FEATURES, matrix
 from ._workers import Worker
 
 if TYPE_CHECKING:
-    from ._dask import Adaptive as DaskAdaptive
-    from ._dask import on_dask
-    from ._ray import on_ray
+    from ._dask import DaskAdaptive as DaskAdaptive
+    from ._dask import on_dask as on_dask
+    from ._ray import on_ray as on_ray
 
 __version__ = "0.1.0"
 
@@ -46,7 +46,6 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Client",
-    "DaskAdaptive",
     "Evaluations",
     "InvalidError",
     "MurmurationError",
@@ -61,17 +60,15 @@ __all__ = [
     "connect",
     "local",
     "matrix",
-    "on_dask",
-    "on_ray",
 ]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
-    # Dask and Ray are extras, and importing them takes a second.
+    # Dask and Ray are extras, and importing them takes a second. So `import *` must not ask for these names.
     if name in ("on_dask", "DaskAdaptive"):
         from . import _dask
 
-        return _dask.Adaptive if name == "DaskAdaptive" else _dask.on_dask
+        return getattr(_dask, name)
     if name == "on_ray":
         from ._ray import on_ray
 

@@ -117,10 +117,10 @@ class Client:
         listed = self.rpc.whole("NodeService/ListNodes", nodes.ListNodesRequest(), nodes.ListNodesResponse)
         return [Worker.of(node) for node in listed.nodes]
 
-    def workers_wanted(self, threads: int | None = None, *, seconds: float = 300) -> int:
+    def workers_wanted(self, threads: int | None = None, *, seconds: float | None = None) -> int:
         """How many workers of `threads` threads would complete the open work within about `seconds`.
 
-        By default, a worker has as many threads as the connected workers on average.
+        By default, a worker has as many threads as the connected workers on average, and the time is five minutes.
 
         The open work is that of running campaigns and evaluations; its cost is measured on the connected workers. The
         number is 0 without open work. It is never more than the tasks that can be done at the same time.
@@ -132,7 +132,8 @@ class Client:
         request = nodes.GetDemandRequest()
         if threads is not None:
             request.threads = whole("threads", threads, 1, 65_536)
-        request.seconds = positive("seconds", seconds)
+        if seconds is not None:
+            request.seconds = positive("seconds", seconds)
         return self.rpc.call("NodeService/GetDemand", request, nodes.Demand).workers
 
     def close(self) -> None:

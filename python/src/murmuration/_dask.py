@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 try:
     from distributed import WorkerPlugin
-    from distributed.deploy.adaptive import Adaptive as _Adaptive
+    from distributed.deploy.adaptive import Adaptive
 except ImportError as missing:
     raise ImportError("`murmuration.on_dask` needs Dask: pip install murmuration[dask]") from missing
 
@@ -46,7 +46,7 @@ class Workers(WorkerPlugin):
         return {**self.__dict__, "_process": None}
 
 
-class Adaptive(_Adaptive):
+class DaskAdaptive(Adaptive):
     """Scales a Dask cluster by Murmuration's open work.
 
     Example:

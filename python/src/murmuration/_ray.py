@@ -140,7 +140,7 @@ def on_ray(
     """Starts a worker on each node of the Ray cluster, now and later, and returns a client of their coordinator.
 
     Call `ray.init` first. A worker takes all CPUs of its node, so other tasks wait until the client is closed. Without
-    `client`, the coordinator runs on this machine, and ends with the client. A node that is lost or added loses or adds
+    `access`, the coordinator runs on this machine, and ends with the client. A node that is lost or added loses or adds
     a worker, and a worker that fails is started again. The programs must be on every machine of the cluster.
 
     Args:

@@ -193,7 +193,7 @@ impl SlurmCluster {
 
 impl Drop for SlurmCluster {
     fn drop(&mut self) {
-        // What stays after a failed test is in nobody's way.
+        // Containers that stay after a failed test do no harm: the next test uses other names.
         for host in ["head", "node1", "node2"] {
             let name = format!("{}-{host}", self.name);
             let _ = Command::new("docker").args(["rm", "--force", &name]).output();
