@@ -131,8 +131,20 @@ pub struct Coordinator {
     seats: Seats,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
+    /// Closed before the data directory is given back.
+    _store: ClosedOnDrop,
     /// Held for as long as the server runs.
     data: DataDirectory,
+}
+
+/// Closes the store when it is dropped: tasks that have not ended yet must change nothing more then.
+#[derive(Debug)]
+struct ClosedOnDrop(Store);
+
+impl Drop for ClosedOnDrop {
+    fn drop(&mut self) {
+        self.0.close();
+    }
 }
 
 impl Coordinator {
@@ -147,6 +159,7 @@ impl Coordinator {
         let open = move || (Store::open(&options.data), options);
         let (store, options) = blocking(open).await.map_err(StoreError::from)?;
         let store = store?;
+        let closed_on_drop = ClosedOnDrop(store.clone());
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
@@ -316,6 +329,7 @@ impl Coordinator {
             seats,
             stop,
             servers,
+            _store: closed_on_drop,
             data: options.data,
         })
     }

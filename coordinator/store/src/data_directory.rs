@@ -140,7 +140,13 @@ impl DataDirectory {
             Err(refusal) => return Err(refused(refusal, path, lock)),
         };
         let beating = Beating::of(lease.clone()).map_err(failed("start a thread for", path))?;
-        lease.renew(|new, check| open::renew(path, new, check))?;
+        lease.renew(|new, check| {
+            let check = || {
+                unknown.interrupt().map_or(Ok(()), Interrupt::check)?;
+                check()
+            };
+            open::renew(path, new, &check)
+        })?;
         let held = Self {
             path: path.to_path_buf(),
             beating,
@@ -216,6 +222,7 @@ impl DataDirectory {
     /// # Errors
     /// If the lock file cannot be written.
     pub fn announce(&self, address: &str, machine: &str) -> Result<(), StoreError> {
+        self.lease.check()?;
         let holder = LockHolder {
             process: std::process::id(),
             address: address.to_owned(),

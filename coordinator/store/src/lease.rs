@@ -16,7 +16,7 @@ use rustix::{
 };
 use std::{
     fs, io,
-    os::unix::fs::OpenOptionsExt as _,
+    os::unix::fs::{MetadataExt as _, OpenOptionsExt as _},
     path::{Path, PathBuf},
     sync::atomic::{AtomicI64, Ordering},
     thread,
@@ -83,6 +83,16 @@ pub(super) enum Unknown<'a> {
     Spare,
 }
 
+impl Unknown<'_> {
+    /// The flag that ends waits and copies, if there is one.
+    pub(super) const fn interrupt(&self) -> Option<&Interrupt> {
+        match self {
+            Self::TakeOver(interrupt) => Some(interrupt),
+            Self::Spare => None,
+        }
+    }
+}
+
 /// The state of a former holder of the data directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Former {
@@ -117,12 +127,15 @@ impl Lease {
         let folder = data.join(FOLDER);
         make_folder(&folder).map_err(failed("make", &folder))?;
         let own = Holder::current(file_system);
-        // A lease that is made after this list was read has the number that this process wants.
         let known = numbers(&folder).map_err(failed("list", &folder))?;
+        let examined = Examined::of(&folder, &known)?;
         let renews = match all_former(&folder, &known, &own, locked, unknown)? {
             Former::Runs => return Err(Refusal::Held),
             Former::Ended => false,
-            Former::Silent => true,
+            Former::Silent => {
+                expect_room(data).map_err(failed("copy the database in", data))?;
+                true
+            }
         };
         let full = || io::Error::other("its numbers are used up: remove the folder");
         let number = newest_of(&known).unwrap_or(0).checked_add(1);
@@ -134,7 +147,7 @@ impl Lease {
             beaten: AtomicI64::new(0),
             lost: watch::Sender::new(false),
         };
-        lease.make(&folder)?;
+        lease.make(&folder, &examined)?;
         Ok(lease)
     }
 
@@ -167,30 +180,41 @@ impl Lease {
         self.check()
     }
 
-    fn make(&self, folder: &Path) -> Result<(), Refusal> {
+    fn make(&self, folder: &Path, examined: &Examined) -> Result<(), Refusal> {
         let path = self.path();
         match own_file().create_new(true).open(&path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Err(Refusal::Held),
             made => drop(made.map_err(failed("make", &path))?),
         }
         let begun = self.write(&self.holder).and_then(|()| self.beat(0));
-        let made = begun
+        let older = begun
             .map_err(failed("write", &path))
-            .and_then(|()| self.fence_off(folder));
-        if made.is_err() {
+            .and_then(|()| self.older(folder, examined));
+        if older.is_err() {
             self.remove(self.number);
         }
-        made
+        // From here on, this lease stays even after an error: only it tells the next holder whether a former one may still write.
+        self.fence_off(folder, older?)
     }
 
-    /// Removes the leases before this one, so that their holders change nothing more.
-    fn fence_off(&self, folder: &Path) -> Result<(), Refusal> {
-        let all = numbers(folder).map_err(failed("list", folder))?;
+    /// The leases before this one. Each must be one that this process has examined: if a process that could not take a lease has
+    /// removed it again, its number can have a new holder.
+    fn older(&self, folder: &Path, examined: &Examined) -> Result<Vec<u64>, Refusal> {
+        let mut all = numbers(folder).map_err(failed("list", folder))?;
         // A process that was slow to make its file may be late: others have taken later leases meanwhile.
         if newest_of(&all) != Some(self.number) {
             return Err(Refusal::Held);
         }
-        for older in all.into_iter().filter(|&older| older < self.number) {
+        all.retain(|&number| number != self.number);
+        match Examined::of(folder, &all)?.are_among(examined) {
+            true => Ok(all),
+            false => Err(Refusal::Held),
+        }
+    }
+
+    /// Removes the leases before this one, so that their holders change nothing more.
+    fn fence_off(&self, folder: &Path, older: Vec<u64>) -> Result<(), Refusal> {
+        for older in older {
             let path = file_of(folder, older);
             match fs::remove_file(&path) {
                 Err(error) if !is_gone(&error) => return Err(failed("remove", &path)(error)),
@@ -249,7 +273,7 @@ impl Lease {
     pub(super) fn beat(&self, count: u64) -> io::Result<()> {
         use io::Write as _;
         let now = seconds();
-        // The bytes are replaced in place, because a full disk has no room for new ones.
+        // The bytes are replaced in place: most file systems can do this on a full disk, too.
         let mut file = own_file().create(true).open(self.beat_path())?;
         file.write_all(format!("{count:020}").as_bytes())?;
         self.beaten.store(now, Ordering::Relaxed);
@@ -473,6 +497,39 @@ pub(super) fn is_held(data: &Path, file_system: &FileSystem, locked: bool) -> Re
     Ok(all_former(&folder, &known, &own, locked, Unknown::TakeOver(&never))? == Former::Runs)
 }
 
+/// The leases that a process has examined: their numbers and the ids of their holders. A lease that is still empty has no id.
+struct Examined(Vec<(u64, String)>);
+
+impl Examined {
+    fn of(folder: &Path, numbers: &[u64]) -> Result<Self, Refusal> {
+        let id = |&number: &u64| {
+            Ok(match read(folder, number)? {
+                Read::Gone => None,
+                Read::Empty => Some((number, String::new())),
+                Read::Holder(holder) => Some((number, holder.id)),
+            })
+        };
+        let ids = numbers.iter().map(id).filter_map(Result::transpose);
+        ids.collect::<Result<_, _>>().map(Self)
+    }
+
+    fn are_among(&self, others: &Self) -> bool {
+        self.0.iter().all(|lease| others.0.contains(lease))
+    }
+}
+
+/// Fails if the disk has no room for a copy of the database. Otherwise the former holder would be excluded in vain.
+fn expect_room(data: &Path) -> io::Result<()> {
+    let database = data.join(super::Store::FILE);
+    let log = data.join(format!("{}-wal", super::Store::FILE));
+    let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
+    let disk = rustix::fs::statvfs(data)?;
+    match disk.f_bavail.saturating_mul(disk.f_frsize) >= bytes(&database) + bytes(&log) {
+        true => Ok(()),
+        false => Err(io::ErrorKind::StorageFull.into()),
+    }
+}
+
 enum Read {
     Gone,
     Empty,
@@ -533,7 +590,8 @@ fn make_folder(folder: &Path) -> io::Result<()> {
                 false => Err(io::Error::other("it is not a folder")),
             }
         }
-        made => made,
+        Ok(()) => give_to_owner(folder, folder.parent().unwrap_or(folder)),
+        failed => failed,
     }
 }
 
@@ -556,12 +614,10 @@ fn own_file() -> fs::OpenOptions {
     options
 }
 
-/// Whether a file was removed, as a local file system or NFS reports it.
+/// Whether a file was removed. A stale handle (ESTALE) is no sign of that: a file server that starts again gives it for files that
+/// are there.
 fn is_gone(error: &io::Error) -> bool {
-    matches!(
-        error.kind(),
-        io::ErrorKind::NotFound | io::ErrorKind::StaleNetworkFileHandle
-    )
+    error.kind() == io::ErrorKind::NotFound
 }
 
 /// Seconds of the clock that also counts while the machine is suspended.
@@ -571,6 +627,15 @@ fn seconds() -> i64 {
     #[cfg(not(target_os = "linux"))]
     let clock = ClockId::Monotonic;
     clock_gettime(clock).tv_sec
+}
+
+/// Gives a file that root has made to the owner of `like`, who could not use it otherwise.
+pub(super) fn give_to_owner(path: &Path, like: &Path) -> io::Result<()> {
+    if !rustix::process::geteuid().is_root() {
+        return Ok(());
+    }
+    let owner = like.metadata()?;
+    std::os::unix::fs::chown(path, Some(owner.uid()), Some(owner.gid()))
 }
 
 fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Refusal + use<> {

@@ -63,6 +63,7 @@ pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 use crate::files::is_there;
 use lease::Lease;
 use murmuration_model::RunId;
+use murmuration_search::interrupt::Interrupted;
 use readers::Readers;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::{
@@ -77,8 +78,7 @@ use std::{
 /// The open store; clones share its connections.
 #[derive(Debug, Clone)]
 pub struct Store {
-    /// Read-only connections, if the store can write. The read-only connections close before the writing connection, because the
-    /// last connection to close empties the log.
+    /// Read-only connections, if the store can write.
     readers: Option<Arc<Readers>>,
     /// The writing connection (SQLite has one writer), or the only connection of a store without `readers`.
     connection: Arc<Mutex<Connection>>,
@@ -88,6 +88,8 @@ pub struct Store {
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
     /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
+    /// Whether the store accepts no more changes. Read and set this flag only while `connection` is locked.
+    is_closed: Arc<AtomicBool>,
     /// Length of the log from which changes write the log into the database.
     long_log: Arc<AtomicU64>,
     /// Held while an export copies a campaign: the log cannot be restarted meanwhile.
@@ -113,13 +115,15 @@ impl Store {
         if !find_database(&path)? {
             open::create(directory.path())?;
         }
-        let connection = open::to_write(&path, directory.file_system())?;
+        let lease = directory.lease();
+        let connection = open::to_write(&path, directory.file_system(), &|| lease.check())?;
         let readers = Arc::new(Readers::open(&path, directory.file_system())?);
         let store = Self {
             readers: Some(readers),
-            lease: Some(directory.lease()),
+            lease: Some(lease),
             ..Self::over(connection, &path)
         };
+        store.check_lease()?;
         transfer::remove_leftovers(&store, directory.path());
         Ok(store)
     }
@@ -145,6 +149,7 @@ impl Store {
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             sync_failed: Arc::default(),
+            is_closed: Arc::default(),
             long_log: Arc::new(AtomicU64::new(open::LONG_LOG)),
             copying: Arc::default(),
             followed: Arc::default(),
@@ -203,6 +208,9 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.is_closed.load(Ordering::Relaxed) {
+            return Err(Interrupted.into());
+        }
         self.check_lease()?;
         if self.sync_failed.load(Ordering::Relaxed) {
             // An active reader would prevent SQLite from emptying the log.
@@ -227,6 +235,20 @@ impl Store {
             self.shorten_long_log(&connection);
         }
         changed
+    }
+
+    /// Refuses all changes from now on, after the current one has ended, and writes the log into the database. Another process can
+    /// take the data directory as soon as it is given back, while threads of this process still have the store.
+    pub fn close(&self) {
+        let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        let was_closed = self.is_closed.swap(true, Ordering::Relaxed);
+        if was_closed || self.check_lease().is_err() {
+            return;
+        }
+        // Readers can keep a part of the log in use. The next process to open the database reads the log.
+        if let Err(error) = open::settle(&connection, &self.path) {
+            tracing::debug!(%error, "the log of the database stays beside it");
+        }
     }
 
     fn check_lease(&self) -> Result<(), StoreError> {

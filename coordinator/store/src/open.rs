@@ -1,6 +1,9 @@
 //! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
-use super::{FileSystem, Store, StoreError, files::sync, find_database, schema, studies::take_over};
+use super::{
+    FileSystem, Store, StoreError, files::sync, find_database, lease::give_to_owner, schema,
+    studies::take_over,
+};
 use rusqlite::{
     Connection, OpenFlags,
     backup::{Backup, StepResult},
@@ -8,7 +11,8 @@ use rusqlite::{
     ffi,
 };
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read as _},
     os::unix::{ffi::OsStrExt as _, fs::OpenOptionsExt as _},
     path::{Path, PathBuf},
     time::Duration,
@@ -91,10 +95,13 @@ pub(super) fn renew(
             .mode(0o600)
             .open(&copy);
         let mut file = created.map_err(failed)?;
-        let copied = io::copy(&mut former, &mut file)
-            .and_then(|_| file.set_permissions(former.metadata()?.permissions()))
-            .and_then(|()| file.sync_all())
-            .map_err(failed);
+        let copied = copy_in_parts(&mut former, &mut file, check, failed).and_then(|()| {
+            let kept = file
+                .set_permissions(former.metadata().map_err(failed)?.permissions())
+                .and_then(|()| give_to_owner(&copy, &path))
+                .and_then(|()| file.sync_all());
+            kept.map_err(failed)
+        });
         let placed = copied
             .and_then(|()| check())
             .and_then(|()| fs::rename(&copy, &path).map_err(failed));
@@ -106,6 +113,22 @@ pub(super) fn renew(
     let folder = folder_of(&database);
     sync(folder).map_err(|error| StoreError::from_io(error, "write", folder))
 }
+
+/// Copies a file, whose copy can take minutes, with a check after each part.
+fn copy_in_parts(
+    from: &mut fs::File,
+    to: &mut fs::File,
+    check: &dyn Fn() -> Result<(), StoreError>,
+    failed: impl Fn(io::Error) -> StoreError,
+) -> Result<(), StoreError> {
+    while io::copy(&mut from.take(PART_BYTES), to).map_err(&failed)? > 0 {
+        check()?;
+    }
+    Ok(())
+}
+
+/// Bytes that are copied between two checks.
+const PART_BYTES: u64 = 16 << 20;
 
 /// Part of the names of copies before they take their places.
 const RENEWED: &str = "-renewed-";
@@ -127,23 +150,28 @@ fn remove_abandoned(database: &Path) {
     }
 }
 
-/// A writing connection to an existing database, which is checked and migrated to the newest schema.
-pub(super) fn to_write(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
+/// A writing connection to an existing database, which is checked and migrated to the newest schema. `is_held` fails if this process
+/// may not change the database.
+pub(super) fn to_write(
+    path: &Path,
+    file_system: &FileSystem,
+    is_held: &dyn Fn() -> Result<(), StoreError>,
+) -> Result<Connection, StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let mut connection = connect(path, OpenFlags::SQLITE_OPEN_READ_WRITE, file_system)?;
-    if !file_system.is_local() {
-        // The last connection to close would remove the log by its path, where the log of a process that has taken over can be.
-        connection
-            .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)
-            .map_err(named)?;
-        // A commit must not write into the database before the lease is checked again: another process may be copying it. The
-        // store writes a long log into the database itself.
-        connection
-            .pragma_update(None, "wal_autocheckpoint", 0)
-            .map_err(named)?;
-    }
+    // The last connection to close would write the log into the database, and remove the log by its path. A process that has taken
+    // over, on any file system through which it reaches the directory, can be copying the one and have the other in use.
+    connection
+        .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)
+        .map_err(named)?;
+    // Nor may a commit write into the database before the lease is checked again. The store writes a long log into the database
+    // itself.
+    connection
+        .pragma_update(None, "wal_autocheckpoint", 0)
+        .map_err(named)?;
     let version = schema::version(&connection, path)?;
     check(&connection, path)?;
+    is_held()?;
     connection
         .execute_batch(
             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
@@ -168,10 +196,11 @@ pub(super) fn to_write(path: &Path, file_system: &FileSystem) -> Result<Connecti
 
 /// A connection that reads a database which another connection of this process writes.
 pub(super) fn to_read(path: &Path, file_system: &FileSystem) -> Result<Connection, StoreError> {
-    if file_system.is_local() {
-        return connect(path, OpenFlags::SQLITE_OPEN_READ_ONLY, file_system);
+    match file_system.is_local() {
+        // Such a connection never writes the log into the database, even as the last one to close.
+        true => connect(path, OpenFlags::SQLITE_OPEN_READ_ONLY, file_system),
+        false => to_read_alone(path, file_system),
     }
-    to_read_alone(path, file_system)
 }
 
 /// A connection that reads a database which no other process has open. It can read the log, which a connection that cannot write

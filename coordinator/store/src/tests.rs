@@ -516,7 +516,7 @@ fn on_a_shared_file_system_neither_a_commit_nor_a_close_writes_the_database_or_r
     let log = folder.path().join(format!("{}-wal", Store::FILE));
     let before = fs::read(&path).unwrap();
     let nfs = FileSystem::of_kind("nfs4".to_owned());
-    let connection = open::to_write(&path, &nfs).unwrap();
+    let connection = open::to_write(&path, &nfs, &|| Ok(())).unwrap();
     let reader = open::to_read(&path, &nfs).unwrap();
     connection
         .execute_batch("CREATE TABLE notes (note BLOB)")
@@ -534,6 +534,6 @@ fn on_a_shared_file_system_neither_a_commit_nor_a_close_writes_the_database_or_r
     reader.close().unwrap();
     connection.close().unwrap();
     assert!(fs::read(&path).unwrap() == before && log.metadata().unwrap().len() > 10 << 20);
-    let again = open::to_write(&path, &nfs).unwrap();
+    let again = open::to_write(&path, &nfs, &|| Ok(())).unwrap();
     assert_eq!(count(&again), 10);
 }

@@ -51,6 +51,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
     store
         .complete(&id, &taxonomy, &[ClusterMeasures::default()], &[], &[])
         .unwrap();
+    store.close();
     (folder, id)
 }
 

@@ -231,6 +231,63 @@ fn files_that_are_not_leases_are_named() {
     assert_eq!(fs::read_to_string(leases.join("notes.json")).unwrap(), "{}");
 }
 
+/// A process that could not take the lease removes its file, and another one can take the lease with the same number.
+#[test]
+fn only_examined_leases_are_fenced_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let leases = folder.path().join(FOLDER);
+    elsewhere(folder.path(), 5, |holder| holder.id = "first".to_owned());
+    let examined = Examined::of(&leases, &[5]).unwrap();
+    fs::remove_file(file_of(&leases, 5)).unwrap();
+    elsewhere(folder.path(), 5, |holder| holder.id = "second".to_owned());
+    let late = Lease {
+        data: folder.path().to_path_buf(),
+        number: 6,
+        holder: Holder::current(&shared()),
+        beaten: AtomicI64::new(0),
+        lost: watch::Sender::new(false),
+    };
+    assert!(matches!(late.make(&leases, &examined), Err(Refusal::Held)));
+    assert_eq!(numbers(&leases).unwrap(), [5]);
+}
+
+/// Only the lease of the process that failed tells the next one that the former holder may still write.
+#[test]
+fn a_lease_stays_if_the_former_one_cannot_be_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let leases = folder.path().join(FOLDER);
+    elsewhere(folder.path(), 5, |_| {});
+    let failing = Lease {
+        data: folder.path().to_path_buf(),
+        number: 6,
+        holder: Holder::current(&shared()),
+        beaten: AtomicI64::new(0),
+        lost: watch::Sender::new(false),
+    };
+    failing.write(&failing.holder).unwrap();
+    // A folder cannot be removed as a file.
+    fs::remove_file(file_of(&leases, 5)).unwrap();
+    fs::create_dir(file_of(&leases, 5)).unwrap();
+    assert!(matches!(
+        failing.fence_off(&leases, vec![5]),
+        Err(Refusal::Failed { doing: "remove", .. })
+    ));
+    failing.check().unwrap();
+}
+
+#[test]
+fn a_store_that_is_closed_refuses_changes_and_has_no_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let store = Store::open(&held).unwrap();
+    store.write(|_| Ok(())).unwrap();
+    store.close();
+    drop(held);
+    assert!(matches!(store.write(|_| Ok(())), Err(StoreError::Interrupted(_))));
+    let log = folder.path().join(format!("{}-wal", Store::FILE));
+    assert_eq!(log.metadata().map_or(0, |log| log.len()), 0);
+}
+
 #[test]
 fn a_process_that_was_taken_over_changes_nothing_more() {
     let folder = tempfile::tempdir().unwrap();
@@ -245,7 +302,9 @@ fn a_process_that_was_taken_over_changes_nothing_more() {
         lost: watch::Sender::new(false),
     };
     // The counter of this process was not heard elsewhere.
-    other.make(&folder.path().join(FOLDER)).unwrap();
+    let leases = folder.path().join(FOLDER);
+    let examined = Examined::of(&leases, &numbers(&leases).unwrap()).unwrap();
+    other.make(&leases, &examined).unwrap();
     let mut is_run = false;
     let change = store.write(|_| {
         is_run = true;
@@ -303,11 +362,18 @@ fn a_process_that_is_taken_over_while_it_copies_replaces_nothing() {
     assert!(renews);
     let database = folder.path().join(Store::FILE);
     let before = fs::metadata(&database).unwrap().modified().unwrap();
+    let checks = AtomicI64::new(0);
     let renewed = slow.renew(|new, check| {
-        // Another process takes over during the copy.
-        fs::remove_file(slow.path()).unwrap();
-        crate::open::renew(folder.path(), new, check)
+        let check = || {
+            // Another process takes over during the copy.
+            if checks.fetch_add(1, Ordering::Relaxed) == 1 {
+                fs::remove_file(slow.path()).unwrap();
+            }
+            check()
+        };
+        crate::open::renew(folder.path(), new, &check)
     });
+    assert!(checks.into_inner() > 1);
     assert!(matches!(renewed, Err(StoreError::TakenOver(_))), "{renewed:?}");
     assert_eq!(fs::metadata(&database).unwrap().modified().unwrap(), before);
     assert!(!slow.path().exists());

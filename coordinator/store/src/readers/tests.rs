@@ -278,14 +278,3 @@ fn a_log_in_use_by_an_export_is_written_again_only_once_it_is_much_longer() {
     write(2 * open::LONG_LOG);
     assert_eq!(store.long_log.load(Ordering::Relaxed), open::LONG_LOG);
 }
-
-#[test]
-fn the_last_to_leave_empties_the_log() {
-    let folder = tempfile::tempdir().unwrap();
-    let (store, id) = open(folder.path());
-    look(&store, &id);
-    drop(store.clone());
-    drop(store);
-    let log = folder.path().join(format!("{}-wal", Store::FILE));
-    assert!(!log.exists());
-}
