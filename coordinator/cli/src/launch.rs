@@ -173,7 +173,12 @@ impl Launch {
                  data directory; with --together=false, each runs a campaign of its own",
                 PATIENCE.as_secs() / 60
             ))),
-            (Err(error), _) => Err(CliError::failed(error)),
+            // A launcher ends all processes when one fails, and starts them again on the same machines.
+            (Err(error), Ok(_)) => {
+                errln!("error: {error}\nthis process leaves the launch, and the others go on without it");
+                Ok(())
+            }
+            (Err(error), Err(_)) => Err(CliError::failed(error)),
         }
     }
 }

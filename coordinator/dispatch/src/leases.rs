@@ -326,17 +326,18 @@ impl<R: Agree + Clone> LeaseTable<R> {
         job.map_or((0, 0), |job| (job.tasks.len() - job.settled, job.cost))
     }
 
-    /// Number of threads of all workers that take work.
+    /// Number of threads of all workers that take work, as far as their machines have answered tasks.
     #[must_use]
-    pub fn threads(&self) -> usize {
-        self.workers.iter().map(|(_, worker)| worker.capacity).sum()
+    pub const fn threads(&self) -> usize {
+        self.workers.capacity(false)
     }
 
     /// Number of threads of workers that hold tasks.
     #[must_use]
     pub fn busy_threads(&self) -> usize {
         let workers = self.workers.iter();
-        workers.map(|(_, worker)| worker.tasks.min(worker.capacity)).sum()
+        let busy: usize = workers.map(|(_, worker)| worker.tasks.min(worker.capacity)).sum();
+        busy.min(self.threads())
     }
 
     /// Number of leases that workers hold.

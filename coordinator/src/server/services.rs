@@ -84,7 +84,7 @@ const STUDIES: MethodRequirements = &[
 ];
 
 const NODES: MethodRequirements = &[
-    ("ListNodes", VIEWER, Light),
+    ("ListNodes", VIEWER, Reading),
     ("GetDemand", AnyMachineOr(Role::Viewer), Light),
 ];
 

@@ -15,12 +15,11 @@ const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
 /// Rules for examples, by the beginning of the example.
-const RULES: [(&str, Rule); 21] = [
+const RULES: [(&str, Rule); 20] = [
     (
         "murmuration run examples/quick.toml",
         NotRun("the README has it too"),
     ),
-    ("murmuration resume latest", Before("interrupted small.toml")),
     (
         "murmuration certs certs --host swarm.example --worker",
         Before("mv certs other-certs"),
