@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,29 @@ def wait_until(holds: Callable[[], bool]) -> None:
     while not holds():
         assert time.monotonic() < last, "it took too long"
         time.sleep(0.05)
+
+
+def start_ray() -> None:
+    import ray
+
+    for last in (False, False, False, True):
+        try:
+            ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, configure_logging=False)
+            return
+        except Exception:
+            # Ray itself waits for its processes for 30 s at most, which is short on a busy machine.
+            ray.shutdown()
+            if last:
+                raise
+
+
+@pytest.fixture(autouse=True)
+def patient_dask() -> Iterator[None]:
+    import dask
+
+    limits = dict.fromkeys(("distributed.comm.timeouts.connect", "distributed.comm.timeouts.tcp"), "120s")
+    with dask.config.set(limits):
+        yield
 
 
 def workers(client: mm.Client) -> list[mm.Worker]:
@@ -94,6 +117,25 @@ def test_dask_scales_by_the_open_work() -> None:
         wait_until(lambda: not workers(client))
 
 
+def test_workers_on_dask_end_with_the_process_of_the_dask_client(client: mm.Client) -> None:
+    import distributed
+
+    access = client.access_file
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        start = (
+            f"import distributed, murmuration as mm, time; dask = distributed.Client({cluster.scheduler_address!r}); "
+        )
+        start += f"mm.on_dask(dask, access={str(access)!r}); time.sleep(600)"
+        process = subprocess.Popen([sys.executable, "-c", start])
+        try:
+            wait_until(lambda: any(worker.name.startswith("dask ") for worker in workers(client)))
+        finally:
+            process.kill()
+            process.wait()
+        wait_until(lambda: not any(worker.name.startswith("dask ") for worker in workers(client)))
+        assert not [name for name in cluster.scheduler.worker_plugins if name.startswith("murmuration-")]
+
+
 def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(
     digest: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,7 +143,7 @@ def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     import ray
 
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, configure_logging=False)
+    start_ray()
     try:
         with mm.on_ray(trainers=0) as client:
             wait_until(lambda: len(workers(client)) == 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import uuid
 from collections.abc import Callable
@@ -11,16 +12,20 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from ._client import Client, hosting
+from ._errors import MurmurationError
 from ._workers import WorkerProcess
 
 if TYPE_CHECKING:
     import distributed
 
 try:
-    from distributed import WorkerPlugin
+    from distributed import SchedulerPlugin, WorkerPlugin
     from distributed.deploy.adaptive import Adaptive
 except ImportError as missing:
     raise ImportError("`murmuration.on_dask` needs Dask: pip install murmuration[dask]") from missing
+
+
+_LOG = logging.getLogger("murmuration")
 
 
 class Workers(WorkerPlugin):
@@ -46,6 +51,23 @@ class Workers(WorkerPlugin):
         return {**self.__dict__, "_process": None}
 
 
+class EndWithClient(SchedulerPlugin):
+    """Ends the workers when the Dask client that started them is gone, even if its process was killed.
+
+    The scheduler would otherwise start a worker, with the owner's token, on each Dask worker that comes later.
+    """
+
+    def __init__(self, client: str, workers: str) -> None:
+        """`client` is the id of the Dask client; `workers` the name of its worker plugin."""
+        self.name = f"{workers}-end"
+        self._client, self._workers = client, workers
+
+    def remove_client(self, scheduler: Any, client: str) -> None:  # noqa: ANN401
+        """Ends the workers."""
+        if client == self._client and self._workers in scheduler.worker_plugins:
+            scheduler.loop.add_callback(scheduler.unregister_worker_plugin, comm=None, name=self._workers)
+
+
 class DaskAdaptive(Adaptive):
     """Scales a Dask cluster by Murmuration's open work.
 
@@ -67,8 +89,16 @@ class DaskAdaptive(Adaptive):
 
     async def target(self) -> int:
         """How many Dask workers the open work of both could use."""
-        wanted = await asyncio.to_thread(self._murmuration.workers_wanted, self._threads())
-        return max(wanted, int(await super().target()))  # type: ignore[no-untyped-call]
+        others = int(await super().target())  # type: ignore[no-untyped-call]
+        if self._murmuration.rpc.is_closed:
+            return others
+        try:
+            wanted = await asyncio.to_thread(self._murmuration.workers_wanted, self._threads())
+        except MurmurationError as error:
+            # The coordinator may be starting again. An error would end the scaling.
+            _LOG.warning("the number of wanted workers is unknown, so it stays as it is: %s", error)
+            wanted = len(self.plan)
+        return max(wanted, others)
 
 
 def on_dask(
@@ -84,8 +114,8 @@ def on_dask(
     """Starts a worker on each worker of a Dask cluster, now and later, and returns a client of their coordinator.
 
     Without `access`, the coordinator runs on this machine, and ends with the client. The workers end when the client is
-    closed. A Dask worker that is lost, replaced or added loses, replaces or adds a worker. The programs must be on
-    every machine of the cluster.
+    closed, or the Dask client's process ends. A Dask worker that is lost, replaced or added loses, replaces or adds a
+    worker. The programs must be on every machine of the cluster.
 
     Args:
         dask: The client of the Dask cluster.
@@ -108,6 +138,7 @@ def on_dask(
     def start(text: str) -> Callable[[], None]:
         plugin = Workers(text, programs_there)
         try:
+            dask.register_plugin(EndWithClient(dask.id, plugin.name))
             dask.register_plugin(plugin)
         except BaseException:
             # Dask keeps the plugin, and its token, for workers that come later, even if it failed on some worker.
@@ -125,6 +156,7 @@ def _unregister(dask: distributed.Client, name: str) -> None:
     # A Dask cluster that has ended took the workers with it.
     if dask.status == "running":
         dask.unregister_worker_plugin(name)
+        dask.unregister_scheduler_plugin(f"{name}-end")
 
 
 def _address_towards(dask: distributed.Client) -> str:

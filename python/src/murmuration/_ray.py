@@ -34,6 +34,9 @@ class _Actor:
     def process(self) -> int | None:
         return self._process.process
 
+    def wait(self) -> None:
+        self._process.wait()
+
     def close(self) -> None:
         self._process.close()
 
@@ -55,6 +58,9 @@ class Workers:
         self.actors: dict[str, Any] = {}
         # The first answer of each actor, which tells whether its worker could be started.
         self._begun: dict[str, Any] = {}
+        # An answer of each actor that comes when its worker has ended for good.
+        self._over: dict[str, Any] = {}
+        self._left: set[str] = set()
         self._ending = threading.Event()
         self._look()
         if begun := list(self._begun.values()):
@@ -89,7 +95,8 @@ class Workers:
         for gone in self.actors.keys() - alive.keys():
             del self.actors[gone]
             self._begun.pop(gone, None)
-        for identifier in alive.keys() - self.actors.keys():
+            self._over.pop(gone, None)
+        for identifier in alive.keys() - self.actors.keys() - self._left:
             if self._ending.is_set():
                 return
             threads = int(alive[identifier].get("Resources", {}).get("CPU", 0))
@@ -99,11 +106,14 @@ class Workers:
             actor = ray.remote(_Actor).options(
                 num_cpus=threads,
                 max_restarts=-1,
+                # One for `wait`.
+                max_concurrency=2,
                 scheduling_strategy=NodeAffinitySchedulingStrategy(identifier, soft=False),
             )
             name = f"ray {alive[identifier].get('NodeManagerHostname') or identifier[:8]}"
             self.actors[identifier] = actor.remote(self._access, name, threads, self._programs)
             self._begun[identifier] = self.actors[identifier].process.remote()
+            self._over[identifier] = self.actors[identifier].wait.remote()
 
     def _check(self) -> None:
         """Logs which nodes could not start their worker."""
@@ -116,6 +126,24 @@ class Workers:
             except ray.exceptions.RayError as error:
                 _LOG.error("Ray's node %s has no worker, because it cannot be started there: %s", identifier, error)
 
+    def _give_up(self) -> None:
+        """Frees the CPUs of nodes whose worker has lost its coordinator for good."""
+        for identifier, over in list(self._over.items()):
+            if not ray.wait([over], timeout=0)[0]:
+                continue
+            try:
+                ray.get(over)
+            except ray.exceptions.RayError:
+                # The actor was restarted.
+                self._over[identifier] = self.actors[identifier].wait.remote()
+                continue
+            del self._over[identifier]
+            self._left.add(identifier)
+            ray.kill(self.actors.pop(identifier))
+            _LOG.error(
+                "Ray's node %s has no worker any more, which lost its coordinator: call on_ray again", identifier
+            )
+
     def _follow(self) -> None:
         while not self._ending.wait(_SECONDS_TO_LOOK_AGAIN):
             if not ray.is_initialized():
@@ -123,6 +151,7 @@ class Workers:
             try:
                 self._look()
                 self._check()
+                self._give_up()
             except Exception as error:
                 # Ray's own server may be starting again.
                 _LOG.warning("Ray's nodes cannot be listed, will try again: %s", error)

@@ -97,6 +97,11 @@ class Connection:
             whole.MergeFrom(part)
         return whole
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the connection was closed."""
+        return self._is_closed
+
     def close(self) -> None:
         """Ends the connection."""
         self._is_closed = True

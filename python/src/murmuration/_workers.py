@@ -72,6 +72,7 @@ class WorkerProcess:
         self._command = [os.fspath(program), "--access", place, "--name", name, "--threads", str(threads)]
         self._command += ["--end-with-parent", "--on-coordinator-lost", f"retry={_MINUTES_WITHOUT_COORDINATOR}m"]
         self._ending = threading.Event()
+        self._over = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._keep, name="murmuration-worker", daemon=True)
@@ -83,6 +84,10 @@ class WorkerProcess:
         with self._lock:
             running = self._process
         return running.pid if running is not None and running.poll() is None else None
+
+    def wait(self) -> None:
+        """Returns when the worker has ended for good."""
+        self._over.wait()
 
     def close(self) -> None:
         """Ends the worker, which returns the work that it has not begun."""
@@ -99,6 +104,12 @@ class WorkerProcess:
         self._file.close()
 
     def _keep(self) -> None:
+        try:
+            self._keep_running()
+        finally:
+            self._over.set()
+
+    def _keep_running(self) -> None:
         pause = _FIRST_PAUSE
         while not self._ending.is_set():
             begun = time.monotonic()
@@ -111,6 +122,7 @@ class WorkerProcess:
             if code == 0 or (code == 1 and lasted >= 60 * _MINUTES_WITHOUT_COORDINATOR):
                 return
             pause = _FIRST_PAUSE if lasted > _GOOD_START else min(2 * pause, _LONGEST_PAUSE)
+            _LOG.warning("the worker ended with code %s, and starts again in %g s", code, pause)
             self._ending.wait(pause)
 
     def _start(self) -> bool:
