@@ -50,6 +50,7 @@ def start_ray() -> None:
 @pytest.fixture(autouse=True)
 def patient_dask() -> Iterator[None]:
     import dask
+    import distributed  # noqa: F401  (its configuration must be there already)
 
     limits = dict.fromkeys(("distributed.comm.timeouts.connect", "distributed.comm.timeouts.tcp"), "120s")
     with dask.config.set(limits):
