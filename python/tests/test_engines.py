@@ -23,7 +23,7 @@ SPEC: dict[str, Any] = {
     "search": {"population": 20, "generations": 150},
     "taxonomy": {"medoids": 4},
 }
-SECONDS = 120
+SECONDS = 300
 
 
 def wait_until(holds: Callable[[], bool]) -> None:
@@ -33,18 +33,24 @@ def wait_until(holds: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-def start_ray() -> None:
-    import ray
-
-    for last in (False, False, False, True):
-        try:
-            ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, configure_logging=False)
-            return
-        except Exception:
-            # Ray itself waits for its processes for 30 s at most, which is short on a busy machine.
-            ray.shutdown()
-            if last:
-                raise
+@pytest.fixture
+def ray_address(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A Ray cluster with two CPUs, in a process of its own, whose end is the end of all processes of the cluster."""
+    monkeypatch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    start = "import ray, sys; context = ray.init(num_cpus=2, include_dashboard=False, configure_logging=False); "
+    start += "print('at', context.address_info['gcs_address'], flush=True); sys.stdin.read()"
+    # Ray itself waits for its processes for 30 s at most, which is short on a busy machine.
+    for _ in range(5):
+        command = [sys.executable, "-c", start]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as head:
+            assert head.stdout is not None
+            for line in head.stdout:
+                if line.startswith("at "):
+                    yield line.split()[1]
+                    head.kill()
+                    return
+    pytest.fail("Ray does not start")
 
 
 @pytest.fixture(autouse=True)
@@ -137,14 +143,10 @@ def test_workers_on_dask_end_with_the_process_of_the_dask_client(client: mm.Clie
         assert not [name for name in cluster.scheduler.worker_plugins if name.startswith("murmuration-")]
 
 
-def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(
-    digest: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(digest: str, ray_address: str) -> None:
     import ray
 
-    start_ray()
+    ray.init(ray_address, log_to_driver=False, configure_logging=False)
     try:
         with mm.on_ray(trainers=0) as client:
             wait_until(lambda: len(workers(client)) == 1)

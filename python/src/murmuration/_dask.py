@@ -154,9 +154,14 @@ def on_dask(
 
 def _unregister(dask: distributed.Client, name: str) -> None:
     # A Dask cluster that has ended took the workers with it.
-    if dask.status == "running":
+    if dask.status != "running":
+        return
+    try:
         dask.unregister_worker_plugin(name)
-        dask.unregister_scheduler_plugin(f"{name}-end")
+    except Exception as error:
+        # A Dask worker that is just starting does not have the plugin yet; the others have ended their workers.
+        _LOG.warning("not every Dask worker has confirmed the end of its worker: %s", error)
+    dask.unregister_scheduler_plugin(f"{name}-end")
 
 
 def _address_towards(dask: distributed.Client) -> str:
