@@ -219,7 +219,7 @@ impl From<StoreError> for CliError {
             | StoreError::NoStudy(_)
             | StoreError::NoCheckpoint(_)
             | StoreError::NoIndividual { .. } => Self::Input(message),
-            StoreError::TakenOver(_) => Self::TakenOver(message),
+            StoreError::TakenOver(_) | StoreError::MirrorTaken(_) => Self::TakenOver(message),
             _ => Self::Failed(message),
         }
     }

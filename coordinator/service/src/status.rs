@@ -41,10 +41,14 @@ impl IntoStatus for StoreError {
             StoreError::DiskFull { .. }
             | StoreError::Unwritable { .. }
             | StoreError::ReadOnly { .. }
-            | StoreError::Locked { .. } => Status::resource_exhausted(message),
+            | StoreError::Locked { .. }
+            | StoreError::NoMirror { .. } => Status::resource_exhausted(message),
             StoreError::OtherRequest { .. } => Status::already_exists(message),
             // Another coordinator has the data now.
-            StoreError::Interrupted(_) | StoreError::TakenOver(_) => Status::unavailable(message),
+            StoreError::Interrupted(_)
+            | StoreError::TakenOver(_)
+            | StoreError::MirrorTaken(_)
+            | StoreError::Unmirrored { .. } => Status::unavailable(message),
             StoreError::Damaged { .. } => Status::data_loss(message),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)

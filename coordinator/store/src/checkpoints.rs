@@ -4,7 +4,11 @@ mod blob_store;
 
 pub use blob_store::{BlobStore, Condition};
 
-use crate::{CheckpointRecord, Store, StoreError, blocking::Broken};
+use crate::{
+    CheckpointRecord, Store, StoreError,
+    blocking::Broken,
+    objects::{NoPlace, Objects},
+};
 use bytes::Bytes;
 use murmuration_model::EmbedderRef;
 use murmuration_onnx::{EmbedderModel, ImageShape, ModelError};
@@ -99,11 +103,22 @@ pub enum CheckpointError {
     },
 }
 
+impl From<NoPlace> for CheckpointError {
+    fn from(no_place: NoPlace) -> Self {
+        let NoPlace { location, reason } = no_place;
+        Self::Location { location, reason }
+    }
+}
+
 impl From<Broken> for CheckpointError {
     fn from(broken: Broken) -> Self {
         Self::Store(broken.into())
     }
 }
+
+/// The place of the checkpoints in a mirror.
+#[derive(Debug)]
+pub struct CheckpointsOfMirror(pub(crate) Objects);
 
 impl Checkpoints {
     /// Keeps checkpoints on the [`BlobStore`] at `location`.
@@ -117,6 +132,18 @@ impl Checkpoints {
             blob_store,
             fetched: Arc::default(),
         })
+    }
+
+    /// Keeps every checkpoint in a mirror too. Checkpoints that only the mirror has are copied from it.
+    ///
+    /// # Errors
+    /// If a checkpoint cannot be copied.
+    pub async fn mirrored(mut self, mirror: CheckpointsOfMirror) -> Result<Self, CheckpointError> {
+        self.blob_store.mirror_to(mirror.0);
+        for record in self.list().await? {
+            self.blob_store.copy_missing(record.digest).await?;
+        }
+        Ok(self)
     }
 
     /// Tests whether checkpoints can be kept at their location.

@@ -123,6 +123,21 @@ pub enum StoreError {
          `lease` was removed: this process changes nothing more"
     )]
     TakenOver(PathBuf),
+    /// Another process has gone on from the mirror of this process.
+    #[error("another coordinator has gone on from the mirror {0}: this process changes nothing more")]
+    MirrorTaken(String),
+    /// The mirror does not work, so no change can be acknowledged.
+    #[error(
+        "the mirror {place} does not work ({reason}): decisions and labels wait for it, and campaigns go on; the refused request \
+         changed nothing: repeat it"
+    )]
+    NoMirror { place: String, reason: String },
+    /// A change is stored in the data directory, and not yet in the mirror.
+    #[error(
+        "the change is stored, and the mirror {place} does not have it yet ({reason}): if this coordinator is lost, so is the change; \
+         repeat the request to be sure"
+    )]
+    Unmirrored { place: String, reason: String },
     /// A process uses the data directory, whose file system does not allow a second process.
     #[error(
         "data directory {path} is in use, and on {file_system} no second process can read the database meanwhile: end \
@@ -200,7 +215,11 @@ impl StoreError {
     pub const fn may_pass(&self) -> bool {
         matches!(
             self,
-            Self::DiskFull { .. } | Self::Unwritable { .. } | Self::ReadOnly { .. } | Self::Locked { .. }
+            Self::DiskFull { .. }
+                | Self::Unwritable { .. }
+                | Self::ReadOnly { .. }
+                | Self::Locked { .. }
+                | Self::NoMirror { .. }
         )
     }
 

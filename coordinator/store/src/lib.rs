@@ -27,6 +27,7 @@ pub mod kept;
 mod labels;
 mod lease;
 mod numbers;
+mod objects;
 mod open;
 mod pictures;
 mod provenance;

@@ -8,7 +8,7 @@ use opentelemetry::{
 use opentelemetry_otlp::SpanExporter;
 use opentelemetry_sdk::{Resource, propagation::TraceContextPropagator, trace::SdkTracerProvider};
 use std::{collections::HashMap, env, io};
-use tracing::Span;
+use tracing::{Level, Span};
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
 use tracing_subscriber::{filter::Targets, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
@@ -25,7 +25,7 @@ pub struct Telemetry(Option<SdkTracerProvider>);
 /// Starts telemetry. The log goes to stderr, with colours only on a terminal. `RUST_LOG` filters the log by level and module;
 /// without this variable, the log has the level `default`. If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, spans of `service`
 /// go to this collector by gRPC. Call this function once per process, on a tokio runtime.
-pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
+pub fn telemetry(service: &'static str, default: Level) -> Telemetry {
     let asked = env::var("RUST_LOG").ok().filter(|asked| !asked.is_empty());
     let asked = asked.map(|asked| asked.parse::<Targets>());
     let refused = asked
@@ -33,7 +33,12 @@ pub fn telemetry(service: &'static str, default: tracing::Level) -> Telemetry {
         .and_then(|asked| asked.as_ref().err().map(ToString::to_string));
     let filter = asked
         .and_then(Result::ok)
-        .unwrap_or_else(|| Targets::new().with_default(default));
+        // The client of a bucket logs each repeated request; what comes of them is logged by the caller.
+        .unwrap_or_else(|| {
+            Targets::new()
+                .with_default(default)
+                .with_target("object_store", Level::WARN.min(default))
+        });
     let provider = collector(service);
     let traces = provider
         .as_ref()

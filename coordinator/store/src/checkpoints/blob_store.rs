@@ -4,20 +4,13 @@
 use super::CheckpointError;
 use crate::{
     StoreError,
-    files::{is_there, sync},
+    files::is_there,
+    objects::{NoPlace, Objects, folder_of},
 };
 use bytes::Bytes;
-use murmuration_swarm::{CheckpointDigest, text::masked_url};
-use object_store::{
-    ObjectStore, ObjectStoreExt as _, ObjectStoreScheme, local::LocalFileSystem, path::Path as ObjectPath,
-};
-use std::{
-    error::Error,
-    fs, io,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Duration,
-};
+use murmuration_swarm::CheckpointDigest;
+use object_store::{ObjectStoreExt as _, path::Path as ObjectPath};
+use std::{error::Error, io, path::Path, time::Duration};
 
 /// Time limit for the trial of a blob store.
 const TRIAL_LIMIT: Duration = Duration::from_secs(30);
@@ -25,16 +18,9 @@ const TRIAL_LIMIT: Duration = Duration::from_secs(30);
 /// Storage of the bytes of checkpoints; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct BlobStore {
-    objects: Arc<dyn ObjectStore>,
-    prefix: ObjectPath,
-    place: Place,
-}
-
-/// Location of the checkpoints, for messages.
-#[derive(Debug, Clone)]
-enum Place {
-    Folder(PathBuf),
-    Url(String),
+    objects: Objects,
+    /// Where each checkpoint is kept a second time, if anywhere.
+    mirror: Option<Objects>,
 }
 
 /// Condition of the bytes of a checkpoint.
@@ -58,30 +44,13 @@ impl BlobStore {
     /// # Errors
     /// [`CheckpointError::Location`] if checkpoints cannot be kept at the location.
     pub fn open(data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
-        let Some(location) = location else {
-            let folder = data.join(Self::FOLDER);
-            make_folder(&folder).map_err(|error| refused(folder.display(), &error))?;
-            return Self::folder(folder);
+        let objects = match location {
+            None => Objects::in_folder(data.join(Self::FOLDER))?,
+            Some(location) => Objects::open(location)?,
         };
-        if let Some(folder) = folder_of(location)? {
-            make_folder(&folder).map_err(|error| refused(location, &error))?;
-            return Self::folder(folder);
-        }
-        Self::bucket(location)
-    }
-
-    fn bucket(location: &str) -> Result<Self, CheckpointError> {
-        // The client of a bucket uses the process's cryptography provider. An error means that a provider is installed already.
-        let _ = rustls::crypto::ring::default_provider().install_default();
-        let url = location.parse().map_err(|error| refused(location, &error))?;
-        let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
-        let variables = variables.map(|(name, value)| (name.to_ascii_lowercase(), value));
-        let (objects, prefix) =
-            object_store::parse_url_opts(&url, variables).map_err(|error| refused(location, &error))?;
         Ok(Self {
-            objects: objects.into(),
-            prefix,
-            place: Place::Url(location.to_owned()),
+            objects,
+            mirror: None,
         })
     }
 
@@ -95,21 +64,11 @@ impl BlobStore {
             Some(location) => folder_of(location)?,
         };
         if let Some(folder) = folder
-            && !is_there(&folder).map_err(|error| refused(folder.display(), &error))?
+            && !is_there(&folder).map_err(|error| NoPlace::new(folder.display(), &error))?
         {
             return Ok(None);
         }
         Self::open(data, location).map(Some)
-    }
-
-    fn folder(folder: PathBuf) -> Result<Self, CheckpointError> {
-        let objects =
-            LocalFileSystem::new_with_prefix(&folder).map_err(|error| refused(folder.display(), &error))?;
-        Ok(Self {
-            objects: Arc::new(objects.with_fsync(true)),
-            prefix: ObjectPath::default(),
-            place: Place::Folder(folder),
-        })
     }
 
     /// Tries the blob store out: writes an object, reads it again, and removes it.
@@ -117,32 +76,24 @@ impl BlobStore {
     /// # Errors
     /// [`CheckpointError::Location`] if the trial fails, or takes longer than 30 seconds.
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
-        let place = match &self.place {
-            Place::Folder(folder) => folder.display().to_string(),
-            Place::Url(url) => masked_url(url),
-        };
+        let failed = |reason: &dyn std::fmt::Display| NoPlace::new(&self.objects, reason).into();
         match tokio::time::timeout(TRIAL_LIMIT, self.write_and_read()).await {
-            Ok(tried) => tried.map_err(|error| refused(place, &error)),
+            Ok(tried) => tried.map_err(|error| failed(&error)),
             Err(_) => {
                 let limit = TRIAL_LIMIT.as_secs();
-                Err(refused(
-                    place,
-                    &format!("it has not answered for {limit} seconds"),
-                ))
+                Err(failed(&format!("it has not answered for {limit} seconds")))
             }
         }
     }
 
     async fn write_and_read(&self) -> Result<(), object_store::Error> {
-        let object = self
-            .prefix
-            .clone()
-            .join(format!("trial-{:016x}", getrandom::u64().unwrap_or(0)));
+        let name = format!("trial-{:016x}", getrandom::u64().unwrap_or(0));
+        let object = self.objects.path(&name);
         let written = Bytes::from_static(b"murmuration tries whether checkpoints can be kept here");
-        self.objects.put(&object, written.clone().into()).await?;
-        let read = self.objects.get(&object).await?.bytes().await?;
+        self.objects.store.put(&object, written.clone().into()).await?;
+        let read = self.objects.store.get(&object).await?.bytes().await?;
         // Checkpoints are never removed, so a store that does not allow removal will do.
-        if let Err(error) = self.objects.delete(&object).await {
+        if let Err(error) = self.objects.store.delete(&object).await {
             tracing::warn!(%error, %object, "the trial object could not be removed from the checkpoint store");
         }
         match read == written {
@@ -154,9 +105,36 @@ impl BlobStore {
         }
     }
 
+    /// Keeps each checkpoint in a mirror too from now on.
+    pub(super) fn mirror_to(&mut self, mirror: Objects) {
+        self.mirror = Some(mirror);
+    }
+
+    /// Copies a checkpoint between the blob store and its mirror, if one of them lacks it.
+    pub(super) async fn copy_missing(&self, digest: CheckpointDigest) -> Result<(), CheckpointError> {
+        let Some(mirror) = &self.mirror else { return Ok(()) };
+        let other = Self {
+            objects: mirror.clone(),
+            mirror: None,
+        };
+        match (self.has(digest).await?, other.has(digest).await?) {
+            (true, false) => other.put(digest, self.get(digest).await?).await,
+            (false, true) => self.put(digest, other.get(digest).await?).await,
+            (true, true) | (false, false) => Ok(()),
+        }
+    }
+
+    async fn has(&self, digest: CheckpointDigest) -> Result<bool, CheckpointError> {
+        match self.objects.store.head(&self.object(digest)).await {
+            Ok(_) => Ok(true),
+            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     #[must_use]
-    pub(crate) const fn is_folder(&self) -> bool {
-        matches!(self.place, Place::Folder(_))
+    pub(crate) fn is_folder(&self) -> bool {
+        self.objects.folder().is_some()
     }
 
     /// Keeps bytes under their digest; they are on disk when this returns.
@@ -164,8 +142,28 @@ impl BlobStore {
     /// # Errors
     /// If the bytes cannot be kept; a full disk gives a [`StoreError::DiskFull`].
     pub async fn put(&self, digest: CheckpointDigest, bytes: Bytes) -> Result<(), CheckpointError> {
-        let put = self.objects.put(&self.object(digest), bytes.into()).await;
-        put.map(drop).map_err(|error| self.not_put(error))
+        let name = file_name(digest);
+        let put = self
+            .objects
+            .store
+            .put(&self.objects.path(&name), bytes.clone().into())
+            .await;
+        put.map_err(|error| self.not_put(error))?;
+        if let Some(mirror) = &self.mirror {
+            let put = async {
+                let path = mirror.path(&name);
+                let put = mirror.store.put(&path, bytes.into());
+                match tokio::time::timeout(TRIAL_LIMIT, put).await {
+                    Ok(put) => put.map(drop).map_err(|error| error.to_string()),
+                    Err(_) => Err("it does not answer".to_owned()),
+                }
+            };
+            put.await.map_err(|reason| StoreError::NoMirror {
+                place: mirror.to_string(),
+                reason,
+            })?;
+        }
+        Ok(())
     }
 
     /// The bytes of a checkpoint, checked against its digest.
@@ -173,7 +171,7 @@ impl BlobStore {
     /// # Errors
     /// [`CheckpointError::Missing`], [`CheckpointError::Damaged`], or if the blob store cannot be reached.
     pub async fn get(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
-        let found = match self.objects.get(&self.object(digest)).await {
+        let found = match self.objects.store.get(&self.object(digest)).await {
             Ok(found) => found,
             Err(object_store::Error::NotFound { .. }) => {
                 let place = self.name(digest);
@@ -202,19 +200,16 @@ impl BlobStore {
     }
 
     fn object(&self, digest: CheckpointDigest) -> ObjectPath {
-        self.prefix.clone().join(format!("{digest}.onnx"))
+        self.objects.path(&file_name(digest))
     }
 
     /// Path or address of a checkpoint, for people.
     fn name(&self, digest: CheckpointDigest) -> String {
-        match &self.place {
-            Place::Folder(folder) => folder.join(format!("{digest}.onnx")).display().to_string(),
-            Place::Url(url) => format!("{}/{digest}.onnx", masked_url(url)),
-        }
+        self.objects.name(&file_name(digest))
     }
 
     fn not_put(&self, error: object_store::Error) -> CheckpointError {
-        if let (Place::Folder(folder), Some(source)) = (&self.place, io_error(&error))
+        if let (Some(folder), Some(source)) = (self.objects.folder(), io_error(&error))
             && let Some(refused) = StoreError::refused(source.kind(), source, folder)
         {
             return refused.into();
@@ -223,35 +218,8 @@ impl BlobStore {
     }
 }
 
-/// The folder that a `file://` URL names; `None` for the URL of a bucket.
-fn folder_of(location: &str) -> Result<Option<PathBuf>, CheckpointError> {
-    let url = location.parse().map_err(|error| refused(location, &error))?;
-    let (scheme, _) = ObjectStoreScheme::parse(&url).map_err(|error| refused(location, &error))?;
-    match scheme {
-        ObjectStoreScheme::Local => match url.to_file_path() {
-            Ok(folder) => Ok(Some(folder)),
-            Err(()) => Err(refused(location, &"it names no folder of this machine")),
-        },
-        ObjectStoreScheme::Memory => Err(refused(location, &"memory does not outlast the coordinator")),
-        _ => Ok(None),
-    }
-}
-
-/// Makes a folder and its missing parents; their entries are on disk when this returns.
-fn make_folder(folder: &Path) -> io::Result<()> {
-    if is_there(folder)? && folder.is_dir() {
-        return Ok(());
-    }
-    let above = match folder.parent() {
-        Some(above) if above != Path::new("") => above,
-        _ => Path::new("."),
-    };
-    make_folder(above)?;
-    match fs::create_dir(folder) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists || !folder.is_dir() => return Err(error),
-        _ => {}
-    }
-    sync(above)
+fn file_name(digest: CheckpointDigest) -> String {
+    format!("{digest}.onnx")
 }
 
 /// The system's error among the causes of an error, if any.
@@ -264,14 +232,4 @@ fn io_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a io::Error> {
         next = error.source();
     }
     None
-}
-
-fn refused(location: impl std::fmt::Display, reason: &dyn std::fmt::Display) -> CheckpointError {
-    let location = location.to_string();
-    let masked = masked_url(&location);
-    CheckpointError::Location {
-        // The library's reasons quote the URL, which can contain a password.
-        reason: reason.to_string().replace(&location, &masked),
-        location: masked,
-    }
 }
