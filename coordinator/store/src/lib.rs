@@ -26,6 +26,7 @@ mod inspection;
 pub mod kept;
 mod labels;
 mod lease;
+pub mod mirror;
 mod numbers;
 mod objects;
 mod open;

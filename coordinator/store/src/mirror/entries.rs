@@ -1,0 +1,347 @@
+//! The entries of a mirror, and the objects that hold them.
+//!
+//! Entry N is the object `log/N`, with N in 20 digits: a line of JSON, then zstd-compressed bytes. An entry never changes. The
+//! object store makes an object for one writer only, so two writers never both write entry N. Snapshots of the database's file are
+//! objects `snapshots/B-ATTEMPT`, where B is the number of the first entry of their epoch.
+
+use super::MirrorError;
+use crate::objects::Objects;
+use bytes::Bytes;
+use futures_util::TryStreamExt as _;
+use object_store::{ObjectStoreExt as _, PutMode, PutPayload, WriteMultipart};
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{self, Write as _},
+    os::unix::fs::FileExt as _,
+    path::Path,
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
+
+/// Limit for one attempt to write or read an object; the client of a bucket repeats requests for minutes otherwise.
+const LIMIT: Duration = Duration::from_secs(20);
+/// Size of the parts in which a snapshot is written.
+const PART_BYTES: usize = 8 << 20;
+/// Number of parts of a snapshot that are on their way at once.
+const PARTS_AT_ONCE: usize = 4;
+/// Longest payload of an entry, bytes.
+pub(super) const MAX_PAYLOAD: u64 = 4 << 20;
+/// Objects younger than this stay: somebody may be reading them.
+const KEPT: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 3600 });
+/// Slowest object store for which a snapshot is made, bytes per second.
+const SLOWEST: u64 = 256 << 10;
+/// Longest object of an entry: a payload that zstd could not compress, and the first line.
+const LONGEST_ENTRY: u64 = MAX_PAYLOAD + (64 << 10);
+/// Longest object that can be a claim, bytes. A part of a log is longer, but for a few.
+const LONGEST_CLAIM: u64 = 512;
+/// Level of zstd. Pages of a database shrink to a third at the fastest level, and little more at higher ones.
+const LEVEL: i32 = 1;
+
+/// The first line of an entry.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Entry {
+    /// The process that wrote the entry.
+    pub(super) writer: String,
+    /// The number of the database's log, counted over all writers: a log that begins anew has the next number.
+    pub(super) epoch: u64,
+    pub(super) what: What,
+    /// BLAKE3 of the payload or, for a snapshot, of the database's file.
+    pub(super) digest: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum What {
+    /// The writer goes on from here: former writers can write no more.
+    Claim,
+    /// Bytes of the log of epoch `epoch`, beginning at byte `from`.
+    Frames { from: u64 },
+    /// The database's file, at some time during epoch `epoch`: with the whole log of this epoch, and of all later ones, it gives
+    /// the database.
+    Snapshot { object: String, bytes: u64 },
+}
+
+/// Whose entry has a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Placed {
+    Ours,
+    Another,
+}
+
+/// An object of the mirror.
+#[derive(Debug, Clone)]
+pub(super) struct Listed {
+    /// The name within the mirror.
+    pub(super) name: String,
+    pub(super) bytes: u64,
+    /// When the object was made, by the object store's clock.
+    pub(super) made: SystemTime,
+}
+
+/// The objects of a mirror; cheap to clone.
+#[derive(Debug, Clone)]
+pub(super) struct Entries {
+    pub(super) objects: Objects,
+}
+
+impl Entry {
+    /// The object of an entry with this payload.
+    pub(super) fn encode(&self, payload: &[u8]) -> Result<Bytes, MirrorError> {
+        let mut bytes = serde_json::to_vec(self).map_err(io::Error::other)?;
+        bytes.push(b'\n');
+        bytes.extend(zstd::bulk::compress(payload, LEVEL)?);
+        Ok(bytes.into())
+    }
+
+    fn decode(object: &[u8]) -> Result<(Self, Vec<u8>), String> {
+        let mut parts = object.splitn(2, |&byte| byte == b'\n');
+        let (line, compressed) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());
+        let entry: Self = serde_json::from_slice(line).map_err(|error| error.to_string())?;
+        let payload =
+            zstd::bulk::decompress(compressed, MAX_PAYLOAD as usize).map_err(|error| error.to_string())?;
+        if !matches!(entry.what, What::Snapshot { .. }) && digest(&payload) != entry.digest {
+            return Err("its bytes have another digest".to_owned());
+        }
+        Ok((entry, payload))
+    }
+}
+
+pub(super) fn digest(payload: &[u8]) -> String {
+    blake3::hash(payload).to_hex().to_string()
+}
+
+impl Entries {
+    /// All entries, by number.
+    pub(super) async fn list(&self) -> Result<BTreeMap<u64, Listed>, MirrorError> {
+        let listed = self.listed(LOG).await?.into_iter();
+        let numbered = listed.filter_map(|listed| Some((number_of(&listed.name)?, listed)));
+        Ok(numbered.collect())
+    }
+
+    /// All snapshots, those whose logs begin last first.
+    pub(super) async fn snapshots(&self) -> Result<Vec<Listed>, MirrorError> {
+        let mut listed = self.listed(SNAPSHOTS).await?;
+        listed.sort_by(|one, other| other.name.cmp(&one.name));
+        Ok(listed)
+    }
+
+    async fn listed(&self, folder: &str) -> Result<Vec<Listed>, MirrorError> {
+        let prefix = self.objects.path(folder);
+        let mut objects = self.objects.store.list(Some(&prefix));
+        let mut listed = Vec::new();
+        while let Some(object) = self.within(objects.try_next()).await? {
+            listed.push(Listed {
+                name: format!("{folder}/{}", object.location.filename().unwrap_or_default()),
+                bytes: object.size,
+                made: object.last_modified.into(),
+            });
+        }
+        Ok(listed)
+    }
+
+    /// The entry `number`, with its payload.
+    pub(super) async fn read(&self, number: u64) -> Result<(Entry, Vec<u8>), MirrorError> {
+        let object = self.object(number).await?;
+        Entry::decode(&object).map_err(|reason| MirrorError::Damaged {
+            object: self.objects.name(&name_of(number)),
+            reason,
+        })
+    }
+
+    async fn object(&self, number: u64) -> Result<Bytes, MirrorError> {
+        let name = name_of(number);
+        let path = self.objects.path(&name);
+        let found = self.within(self.objects.store.get(&path)).await?;
+        if found.meta.size > LONGEST_ENTRY {
+            return Err(MirrorError::Damaged {
+                object: self.objects.name(&name),
+                reason: "it is too long for an entry".to_owned(),
+            });
+        }
+        self.within(found.bytes()).await
+    }
+
+    /// Writes entry `number`, unless another writer has written it. May be repeated with the same bytes after an error, when it is
+    /// unknown whether the entry was written.
+    pub(super) async fn put(&self, number: u64, entry: &Bytes) -> Result<Placed, MirrorError> {
+        let path = self.objects.path(&name_of(number));
+        let payload = PutPayload::from(entry.clone());
+        let options = PutMode::Create.into();
+        let put = self.objects.store.put_opts(&path, payload, options);
+        match self.within(put).await {
+            Ok(_) => Ok(Placed::Ours),
+            Err(MirrorError::Objects {
+                source: object_store::Error::AlreadyExists { .. } | object_store::Error::Precondition { .. },
+                ..
+            }) => match self.object(number).await? == *entry {
+                true => Ok(Placed::Ours),
+                false => Ok(Placed::Another),
+            },
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Writes the database's file as an object. Returns its size and digest.
+    pub(super) async fn put_snapshot(
+        &self,
+        object: &str,
+        file: Arc<File>,
+    ) -> Result<(u64, String), MirrorError> {
+        let path = self.objects.path(object);
+        let upload = self.within(self.objects.store.put_multipart(&path)).await?;
+        let mut parts = WriteMultipart::new_with_chunk_size(upload, PART_BYTES);
+        match self.put_parts(&mut parts, file).await {
+            Ok(written) => {
+                // This waits for the last parts, and for the whole file to be on disk.
+                let limit = LIMIT + Duration::from_secs(written.0 / SLOWEST);
+                self.within_limit(limit, parts.finish()).await?;
+                Ok(written)
+            }
+            Err(error) => {
+                let _ = self.within(parts.abort()).await;
+                Err(error)
+            }
+        }
+    }
+
+    async fn put_parts(
+        &self,
+        parts: &mut WriteMultipart,
+        file: Arc<File>,
+    ) -> Result<(u64, String), MirrorError> {
+        let (mut hasher, mut bytes) = (blake3::Hasher::new(), 0);
+        loop {
+            let file = file.clone();
+            let part = tokio::task::spawn_blocking(move || read_part(&file, bytes)).await;
+            let part = part.map_err(io::Error::other)??;
+            if part.is_empty() {
+                return Ok((bytes, hasher.finalize().to_hex().to_string()));
+            }
+            hasher.update(&part);
+            bytes += part.len() as u64;
+            self.within(parts.wait_for_capacity(PARTS_AT_ONCE)).await?;
+            parts.put(part.into());
+        }
+    }
+
+    /// Reads a snapshot into `file`, and checks it.
+    pub(super) async fn get_snapshot(
+        &self,
+        object: &str,
+        (expected_bytes, expected): (u64, &str),
+        file: &Path,
+    ) -> Result<(), MirrorError> {
+        let path = self.objects.path(object);
+        let found = self.within(self.objects.store.get(&path)).await?;
+        let (mut stream, mut hasher, mut file) = (
+            found.into_stream(),
+            blake3::Hasher::new(),
+            File::create_new(file)?,
+        );
+        let damaged = |reason: &str| MirrorError::Damaged {
+            object: self.objects.name(object),
+            reason: reason.to_owned(),
+        };
+        let mut bytes = 0;
+        while let Some(part) = self.within(stream.try_next()).await? {
+            bytes += part.len() as u64;
+            if bytes > expected_bytes {
+                return Err(damaged("it is longer than its entry says"));
+            }
+            hasher.update(&part);
+            file.write_all(&part)?;
+        }
+        file.sync_all()?;
+        match hasher.finalize().to_hex().as_str() == expected {
+            true => Ok(()),
+            false => Err(damaged("its bytes have another digest")),
+        }
+    }
+
+    /// Removes the entries before `first`, and all snapshots but `snapshot`, unless they are young. Claims stay, because the former
+    /// writer of each claim must find its next number taken, whenever it comes back. A failure is only logged.
+    pub(super) async fn remove_before(&self, first: u64, snapshot: &str) {
+        let old = async {
+            let mut entries = self.list().await?;
+            entries.retain(|&number, listed| number < first && listed.bytes > LONGEST_CLAIM);
+            let entries = entries.into_iter();
+            let snapshots = self.snapshots().await?.into_iter();
+            let other = snapshots.filter(|listed| listed.name != snapshot);
+            let all = entries.map(|(_, listed)| listed).chain(other);
+            let is_old = |listed: &Listed| listed.made.elapsed().is_ok_and(|age| age > KEPT);
+            for listed in all.filter(is_old) {
+                let path = self.objects.path(&listed.name);
+                match self.within(self.objects.store.delete(&path)).await {
+                    Err(error) if !error.is_not_found() => return Err(error),
+                    _ => {}
+                }
+            }
+            Ok(())
+        };
+        if let Err(error) = old.await {
+            tracing::warn!(%error, "old objects stay in the mirror");
+        }
+    }
+
+    async fn within<T>(
+        &self,
+        attempt: impl Future<Output = Result<T, object_store::Error>>,
+    ) -> Result<T, MirrorError> {
+        self.within_limit(LIMIT, attempt).await
+    }
+
+    async fn within_limit<T>(
+        &self,
+        limit: Duration,
+        attempt: impl Future<Output = Result<T, object_store::Error>>,
+    ) -> Result<T, MirrorError> {
+        let place = || self.objects.to_string();
+        match tokio::time::timeout(limit, attempt).await {
+            Ok(done) => done.map_err(|source| MirrorError::Objects {
+                place: place(),
+                source,
+            }),
+            Err(_) => Err(MirrorError::Silent { place: place() }),
+        }
+    }
+}
+
+const LOG: &str = "log";
+const SNAPSHOTS: &str = "snapshots";
+
+/// The next part of a file from byte `from`; empty at its end.
+fn read_part(file: &File, from: u64) -> io::Result<Vec<u8>> {
+    let mut part = vec![0; PART_BYTES];
+    let mut len = 0;
+    while len < part.len() {
+        match file.read_at(&mut part[len..], from + len as u64)? {
+            0 => break,
+            read => len += read,
+        }
+    }
+    part.truncate(len);
+    Ok(part)
+}
+
+/// The number of the entry with this name.
+fn number_of(name: &str) -> Option<u64> {
+    let number = name.rsplit('/').next()?.parse().ok()?;
+    (name == name_of(number)).then_some(number)
+}
+
+fn name_of(number: u64) -> String {
+    format!("{LOG}/{number:020}")
+}
+
+/// The name of a snapshot during an epoch whose entries begin with number `begins`.
+pub(super) fn snapshot_name(begins: u64, attempt: &str) -> String {
+    format!("{SNAPSHOTS}/{begins:020}-{attempt}")
+}
+
+/// The number of the first entry of the epoch of a snapshot.
+pub(super) fn snapshot_begins(name: &str) -> Option<u64> {
+    let name = name.strip_prefix(SNAPSHOTS)?.strip_prefix('/')?;
+    name.split_once('-')?.0.parse().ok()
+}
