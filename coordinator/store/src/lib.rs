@@ -64,6 +64,7 @@ pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 
 use crate::files::is_there;
 use lease::Lease;
+use mirror::{Claimed, Mirror, MirrorError};
 use murmuration_model::RunId;
 use murmuration_search::interrupt::Interrupted;
 use readers::Readers;
@@ -87,6 +88,8 @@ pub struct Store {
     path: Arc<Path>,
     /// The lease of the data directory, if the store can write.
     lease: Option<Arc<Lease>>,
+    /// The mirror to which the store sends its changes, if any.
+    mirror: Option<Mirror>,
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
     /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
@@ -130,6 +133,37 @@ impl Store {
         Ok(store)
     }
 
+    /// Sends the whole database to a mirror, and from now on every change of the returned store.
+    ///
+    /// # Errors
+    /// If the mirror does not work, or another process has gone on from it.
+    pub async fn mirrored(mut self, claimed: Claimed) -> Result<Self, MirrorError> {
+        self.mirror = Some(Mirror::start(claimed, &self).await?);
+        Ok(self)
+    }
+
+    /// Returns, with the reason, when another process has gone on from the mirror: this process can change nothing then.
+    pub async fn mirror_taken_over(&self) -> StoreError {
+        match &self.mirror {
+            Some(mirror) => mirror.taken_over().await,
+            None => std::future::pending().await,
+        }
+    }
+
+    /// Lets no change wait for the mirror any longer: the process ends.
+    pub fn end_waits_for_mirror(&self) {
+        if let Some(mirror) = &self.mirror {
+            mirror.begin_to_end();
+        }
+    }
+
+    /// Sends the last changes to the mirror, within some seconds.
+    pub async fn finish_mirror(&self) {
+        if let Some(mirror) = &self.mirror {
+            mirror.finish().await;
+        }
+    }
+
     /// Opens the database in `folder` read-only and without checks, and returns the version of its schema. With `alone`, the
     /// caller guarantees that no process writes the database meanwhile (see [`DataDirectory::watch`]).
     ///
@@ -148,6 +182,7 @@ impl Store {
         Self {
             readers: None,
             lease: None,
+            mirror: None,
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             sync_failed: Arc::default(),
@@ -203,21 +238,35 @@ impl Store {
         })
     }
 
-    /// Runs `change` in a transaction, which is committed and on disk when this function returns `Ok`. The handle of a run
-    /// refuses changes once that run is over.
+    /// Runs `change` in a transaction, which is committed and on disk, and in the mirror if there is one, when this function returns
+    /// `Ok`. The handle of a run refuses changes once that run is over, and does not wait for the mirror.
     fn write<T>(
         &self,
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
+        let (value, committed) = self.commit(change)?;
+        self.await_mirror(committed)?;
+        Ok(value)
+    }
+
+    /// Runs `change` in a transaction, which is committed and on disk when this function returns `Ok`. It must not be acknowledged
+    /// before [`Store::await_mirror`] has returned.
+    fn commit<T>(
+        &self,
+        change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
+    ) -> Result<(T, Committed), StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         if self.is_closed.load(Ordering::Relaxed) {
             return Err(Interrupted.into());
         }
         self.check_lease()?;
+        if let Some(mirror) = &self.mirror {
+            mirror.check(self.run.is_some())?;
+        }
         if self.sync_failed.load(Ordering::Relaxed) {
             // An active reader would prevent SQLite from emptying the log.
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
-            open::settle(&connection, &self.path)?;
+            self.settle(&connection)?;
             self.sync_failed.store(false, Ordering::Relaxed);
         }
         let changed = changed(&mut connection, |transaction| {
@@ -233,24 +282,48 @@ impl Store {
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }
-        if changed.is_ok() {
-            self.shorten_long_log(&connection);
+        let value = changed?;
+        let committed = self.mirror.as_ref().map(Mirror::committed);
+        self.shorten_long_log(&connection);
+        Ok((value, Committed(committed)))
+    }
+
+    /// Waits until the mirror has a change. A lock that others wait for must not be held meanwhile: the mirror may not work for hours.
+    ///
+    /// # Errors
+    /// [`StoreError::MirrorTaken`], and [`StoreError::Unmirrored`] if the process ends.
+    fn await_mirror(&self, committed: Committed) -> Result<(), StoreError> {
+        match (&self.mirror, committed.0) {
+            // A run that goes on elsewhere computes its changes again.
+            (Some(mirror), Some(end)) if self.run.is_none() => mirror.wait(end?),
+            _ => Ok(()),
         }
-        changed
     }
 
     /// Refuses all changes from now on, after the current one has ended, and writes the log into the database. Another process can
     /// take the data directory as soon as it is given back, while threads of this process still have the store.
     pub fn close(&self) {
+        self.end_waits_for_mirror();
         let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         let was_closed = self.is_closed.swap(true, Ordering::Relaxed);
         if was_closed || self.check_lease().is_err() {
             return;
         }
         // Readers can keep a part of the log in use. The next process to open the database reads the log.
-        if let Err(error) = open::settle(&connection, &self.path) {
+        if let Err(error) = self.settle(&connection) {
             tracing::debug!(%error, "the log of the database stays beside it");
         }
+    }
+
+    fn settle(&self, connection: &Connection) -> Result<(), StoreError> {
+        if let Some(mirror) = &self.mirror {
+            mirror.emptying();
+        }
+        let settled = open::settle(connection, &self.path);
+        if let Some(mirror) = &self.mirror {
+            mirror.emptied(settled.is_ok());
+        }
+        settled
     }
 
     fn check_lease(&self) -> Result<(), StoreError> {
@@ -264,9 +337,18 @@ impl Store {
         if len <= self.long_log.load(Ordering::Relaxed) {
             return;
         }
+        if self.mirror.as_ref().is_some_and(|mirror| !mirror.catches_up()) {
+            self.long_log.store(len + open::LONG_LOG, Ordering::Relaxed);
+            return;
+        }
         let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
         let until = match open::shorten_log(connection) {
-            Ok(true) => open::LONG_LOG,
+            Ok(true) => {
+                if let Some(mirror) = &self.mirror {
+                    mirror.log_written();
+                }
+                open::LONG_LOG
+            }
             Ok(false) => len + open::LONG_LOG,
             // The changes are on disk even if the log cannot be shortened.
             Err(error) => {
@@ -296,6 +378,10 @@ impl Store {
         read.map_err(|error| error.at(&self.path))
     }
 }
+
+/// A change that is committed, and may not be in the mirror yet.
+#[must_use]
+struct Committed(Option<Result<mirror::End, StoreError>>);
 
 /// Whether anything exists at `path`; an error if the system cannot determine this.
 fn find(path: &Path) -> Result<bool, StoreError> {

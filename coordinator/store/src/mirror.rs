@@ -10,6 +10,7 @@
 
 mod entries;
 mod restore;
+mod sending;
 
 use crate::{
     DataDirectory, Store, StoreError,
@@ -21,15 +22,22 @@ use crate::{
 use bytes::Bytes;
 use entries::{Entries, Entry, Placed, What};
 use murmuration_files::write_file;
+use rusqlite::Connection;
+pub(crate) use sending::End;
+use sending::Sending;
 use serde::{Deserialize, Serialize};
 use std::{
     fs,
     io::{self, Read as _},
     path::{self, Path, PathBuf},
+    sync::{Arc, PoisonError},
+    time::Duration,
 };
 
 /// The file of a data directory that names the entries of its processes in the mirror.
 const FILE: &str = "mirror.json";
+/// Longest wait for the mirror before a long log is written into the database. Other changes wait meanwhile.
+const WAIT_TO_CATCH_UP: Duration = Duration::from_secs(5);
 /// Attempts to write the first entry, while a former coordinator still writes.
 const CLAIMS: usize = 20;
 
@@ -129,6 +137,12 @@ pub struct Claimed {
     epoch: u64,
     /// Number of the first entry of this epoch.
     epoch_begins: u64,
+}
+
+/// A mirror to which a store sends its changes; cheap to clone.
+#[derive(Debug, Clone)]
+pub(crate) struct Mirror {
+    sending: Arc<Sending>,
 }
 
 /// Takes the mirror at `location`, a folder or a URL as of a checkpoint store, for the data directory. With `from_mirror`, a data
@@ -242,6 +256,86 @@ impl Claimed {
     pub fn checkpoints(&self) -> CheckpointsOfMirror {
         CheckpointsOfMirror(self.entries.objects.within("checkpoints"))
     }
+}
+
+impl Mirror {
+    /// Sends the whole database to the mirror, and all its changes from now on.
+    pub(crate) async fn start(claimed: Claimed, store: &Store) -> Result<Self, MirrorError> {
+        let (path, connection) = (store.path.clone(), store.connection.clone());
+        let sending = Arc::new(Sending::new(&claimed, &path)?);
+        let counting = sending.clone();
+        let prepare = move || -> Result<(), StoreError> {
+            let mut connection = connection.lock().unwrap_or_else(PoisonError::into_inner);
+            // The file is whole, and the log empty, when the first snapshot begins.
+            crate::open::settle(&connection, &path)?;
+            count_frames(&mut connection, counting).map_err(StoreError::from)
+        };
+        let prepared = crate::blocking::changing(prepare).await;
+        prepared.map_err(StoreError::from)??;
+        sending::begin(claimed, sending.clone()).await?;
+        Ok(Self { sending })
+    }
+
+    /// Fails if no change may begin: another process has gone on from the mirror or, for a change that must be in the mirror before
+    /// it is acknowledged, the mirror does not work.
+    pub(crate) fn check(&self, is_of_run: bool) -> Result<(), StoreError> {
+        self.sending.check(is_of_run)
+    }
+
+    /// Notes what a change has committed, while no other change can begin. Returns its end in the log.
+    pub(crate) fn committed(&self) -> Result<End, StoreError> {
+        self.sending.committed()
+    }
+
+    /// Waits until the mirror has all up to `end`, or the process ends. A change that is on disk must not be reported as refused.
+    pub(crate) fn wait(&self, end: End) -> Result<(), StoreError> {
+        self.sending.wait(end, None)
+    }
+
+    /// Lets no change wait any longer: the process ends.
+    pub(crate) fn begin_to_end(&self) {
+        self.sending.begin_to_end();
+    }
+
+    /// Notes that the store begins to empty the log, whether or not the mirror has it.
+    pub(crate) fn emptying(&self) {
+        self.sending.emptying();
+    }
+
+    /// Notes that the log is empty or, if not `done`, that it is only partly in the database's file.
+    pub(crate) fn emptied(&self, done: bool) {
+        self.sending.emptied(done);
+    }
+
+    /// Waits until the mirror has the whole log, so that the log may be written into the database, after which it begins anew.
+    /// Returns whether this is so; at once if the mirror does not work.
+    pub(crate) fn catches_up(&self) -> bool {
+        self.sending.catches_up(WAIT_TO_CATCH_UP)
+    }
+
+    /// Notes that the whole log is in the database.
+    pub(crate) fn log_written(&self) {
+        self.sending.log_written();
+    }
+
+    /// Returns, with the reason, when another process has gone on from the mirror.
+    pub(crate) fn taken_over(&self) -> impl Future<Output = StoreError> + use<> {
+        self.sending.clone().taken_over()
+    }
+
+    /// Sends what is left, within some seconds.
+    pub(crate) async fn finish(&self) {
+        self.sending.finish().await;
+    }
+}
+
+/// From now on, SQLite says after each commit how many frames the log has. SQLite no longer writes the log into the database by
+/// itself then: the log must not begin anew before the mirror has it.
+fn count_frames(connection: &mut Connection, sending: Arc<Sending>) -> rusqlite::Result<()> {
+    connection.wal_hook(Some(move |_: &mut rusqlite::hooks::Wal, frames: i32| {
+        sending.count(u64::from(frames.unsigned_abs()));
+        Ok(())
+    }))
 }
 
 fn open(location: &str) -> Result<Objects, MirrorError> {

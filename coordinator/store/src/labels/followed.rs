@@ -125,7 +125,7 @@ impl Store {
         let mut held = None;
         let mut labels = Kept::default();
         let mut before = None;
-        let done = self.write(|transaction| {
+        let committed = self.commit(|transaction| {
             labels = mem::take(&mut **held.insert(locked(&kept)));
             let number = number_of(transaction, campaign)?;
             catch_up(transaction, number, &mut labels)?;
@@ -135,7 +135,10 @@ impl Store {
                 other => Ok(other),
             }
         });
-        let done = done.map_err(LabelError::Store).and_then(|changed| changed);
+        let (done, committed) = match committed {
+            Ok((changed, committed)) => (changed, Some(committed)),
+            Err(error) => (Err(LabelError::Store(error)), None),
+        };
         // Entries that were applied but not committed cannot be undone one by one: the cached labels stay empty, and the log is
         // read again.
         if let Some(mut kept) = held
@@ -143,6 +146,9 @@ impl Store {
         {
             self.followed.weigh(campaign, &labels);
             *kept = labels;
+        }
+        if let Some(committed) = committed {
+            self.await_mirror(committed)?;
         }
         done
     }
