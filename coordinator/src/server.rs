@@ -41,6 +41,7 @@ use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
     kept::LatestAnswers,
+    mirror::{self, MirrorError},
 };
 use murmuration_web::{DrawnAtlas, Judged, Playground, Reports, Studies, Web};
 use services::Services;
@@ -69,8 +70,19 @@ pub struct Options {
     pub tries_checkpoints: bool,
     /// Options of the dispatchers of workers and trainers.
     pub dispatch: dispatch::Options,
+    /// The mirror of the data directory, if any.
+    pub mirror: Option<MirrorOptions>,
     /// How other processes find the coordinator; `None` if only its own command uses it.
     pub publication: Option<Publication>,
+}
+
+/// Where a coordinator mirrors its data directory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MirrorOptions {
+    /// A folder, or a URL such as `s3://BUCKET/PREFIX`.
+    pub location: String,
+    /// Whether a data directory without a database goes on from the mirror.
+    pub from_mirror: bool,
 }
 
 /// How other processes find the coordinator: by an access file in the data directory.
@@ -102,6 +114,9 @@ pub enum ServerError {
     /// The store of checkpoints cannot be used.
     #[error(transparent)]
     Checkpoints(#[from] CheckpointError),
+    /// The mirror cannot be used.
+    #[error(transparent)]
+    Mirror(#[from] MirrorError),
     /// Campaigns could not be resumed.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
@@ -132,7 +147,7 @@ pub struct Coordinator {
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Closed before the data directory is given back.
-    _store: ClosedOnDrop,
+    store: ClosedOnDrop,
     /// Held for as long as the server runs.
     data: DataDirectory,
 }
@@ -155,13 +170,26 @@ impl Coordinator {
     pub async fn start(options: Options) -> Result<Self, ServerError> {
         options.check_access_files()?;
         let (listener, address) = listen(options.listen.address()).await?;
+        let claimed = match &options.mirror {
+            Some(mirror) => Some(mirror::claim(&options.data, &mirror.location, mirror.from_mirror).await?),
+            None => None,
+        };
         // Opening can take long if the database has an older schema, and a signal may end it.
         let open = move || (Store::open(&options.data), options);
         let (store, options) = blocking(open).await.map_err(StoreError::from)?;
-        let store = store?;
-        let closed_on_drop = ClosedOnDrop(store.clone());
-        let checkpoints =
+        let mut store = store?;
+        let mut closed_on_drop = ClosedOnDrop(store.clone());
+        let mut mirrored_checkpoints = None;
+        if let Some(claimed) = claimed {
+            mirrored_checkpoints = Some(claimed.checkpoints());
+            store = store.mirrored(claimed).await?;
+            closed_on_drop.0 = store.clone();
+        }
+        let mut checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
+        if let (Some(mirror), None) = (mirrored_checkpoints, &options.checkpoints) {
+            checkpoints = checkpoints.mirrored(mirror).await?;
+        }
         // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
         if options.tries_checkpoints && options.checkpoints.is_some() {
             checkpoints.try_out().await?;
@@ -329,14 +357,21 @@ impl Coordinator {
             seats,
             stop,
             servers,
-            _store: closed_on_drop,
+            store: closed_on_drop,
             data: options.data,
         })
     }
 
-    /// Returns, with the reason, when another process has taken the data directory over: this coordinator can change nothing then.
+    /// Returns, with the reason, when another process has taken the data directory over, or has gone on from the mirror: this
+    /// coordinator can change nothing then.
     pub fn taken_over(&self) -> impl Future<Output = StoreError> + use<> {
-        self.data.taken_over()
+        let (data, store) = (self.data.taken_over(), self.store.0.clone());
+        async move {
+            tokio::select! {
+                reason = data => reason,
+                reason = store.mirror_taken_over() => reason,
+            }
+        }
     }
 
     /// The address on which the coordinator listens.
@@ -373,6 +408,7 @@ impl Coordinator {
     pub(crate) async fn stop_searches(&self) {
         self.readiness.set(false).await;
         self.interrupt.raise();
+        self.store.0.end_waits_for_mirror();
         self.campaigns.stop().await;
     }
 
@@ -394,6 +430,7 @@ impl Coordinator {
                 Ok(Err(_)) | Err(_) => server.abort(),
             }
         }
+        self.store.0.finish_mirror().await;
         Ok(())
     }
 }

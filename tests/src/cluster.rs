@@ -116,6 +116,7 @@ impl Cluster {
             checkpoints: None,
             tries_checkpoints: true,
             dispatch,
+            mirror: None,
             publication: None,
         };
         let local = LocalCluster::start(options, in_process).await.unwrap();

@@ -95,6 +95,7 @@ impl Connection {
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: in_process != InProcess::NONE,
             dispatch: dispatch::Options::default(),
+            mirror: None,
             publication,
         };
         let own = LocalCluster::start(options, in_process).await?;

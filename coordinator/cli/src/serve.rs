@@ -11,7 +11,7 @@ use clap::builder::BoolishValueParser;
 use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
 use murmuration_coordinator::{
     local::LocalCluster,
-    server::{Options, Publication},
+    server::{MirrorOptions, Options, Publication},
 };
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
@@ -84,6 +84,12 @@ pub struct Serve {
     /// Share of the evaluations that a second machine repeats, to find machines that compute wrong results
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
+    /// Keep a copy of all data in this folder or bucket (s3://BUCKET/PREFIX), from which a coordinator on another machine can go on
+    #[arg(long, env = "MURMURATION_MIRROR", value_name = "DIR|URL")]
+    mirror: Option<String>,
+    /// Go on from the copy of --mirror, in a new data directory; the coordinator that wrote the copy can change nothing more
+    #[arg(long, env = "MURMURATION_FROM_MIRROR", value_parser = BoolishValueParser::new(), requires = "mirror")]
+    from_mirror: bool,
     #[command(flatten)]
     in_process: InProcessArgs,
 }
@@ -131,6 +137,10 @@ impl Serve {
                 audited: self.audit,
                 ..dispatch::Options::default()
             },
+            mirror: self.mirror.clone().map(|location| MirrorOptions {
+                location,
+                from_mirror: self.from_mirror,
+            }),
             publication: Some(Publication {
                 file: global.trust.access.clone(),
                 contact: self.contact.clone().map(String::from),

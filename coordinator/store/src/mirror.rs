@@ -359,3 +359,6 @@ fn read_writers(data: &Path) -> Result<Writers, MirrorError> {
         StoreError::from_io(error, "understand", &path).into()
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,7 @@ mod clock;
 mod decisions;
 mod disk;
 mod kills;
+mod mirror;
 mod mounts;
 mod network;
 mod overload;
@@ -77,7 +78,7 @@ impl Scale {
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
 /// Faults and their requirements.
-const SCENARIOS: [(&str, Scenario, &[Requirement]); 23] = [
+const SCENARIOS: [(&str, Scenario, &[Requirement]); 24] = [
     ("workers killed", kills::workers, &[]),
     ("coordinator killed", kills::coordinator, &[]),
     ("trainer killed", kills::trainer, &[]),
@@ -97,6 +98,7 @@ const SCENARIOS: [(&str, Scenario, &[Requirement]); 23] = [
     ("failing disk", disk::failing, &[]),
     ("read-only disk", disk::read_only, &[]),
     ("two coordinators", mounts::two_coordinators, &[BoundFolders]),
+    ("mirror", mirror::goes_on, &[]),
     ("clock jumps", clock::jumps, &[]),
     ("connections", overload::connections, &[]),
     ("limits", overload::limits, &[OpenFiles(overload::FILES)]),

@@ -94,6 +94,7 @@ impl BenchCampaign {
             checkpoints: None,
             tries_checkpoints: false,
             dispatch: dispatch::Options::default(),
+            mirror: None,
             publication: None,
         };
         let cluster = LocalCluster::start(options, in_process).await?;
