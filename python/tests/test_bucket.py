@@ -82,9 +82,11 @@ def connect(data: Path) -> mm.Client:
     return mm.connect(access=data / "access.json")
 
 
-def test_a_coordinator_goes_on_from_a_bucket(bucket: Bucket, tmp_path: Path) -> None:
+def test_a_coordinator_goes_on_from_a_bucket(bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with mm.local(workers=2, trainers=0) as client:
         undisturbed = client.run(SPEC).digest()
+    # Commands of a client have nothing to do with this folder.
+    monkeypatch.chdir(tmp_path)
     first = bucket.serve(tmp_path / "first")
     try:
         with connect(tmp_path / "first") as client:
@@ -108,6 +110,7 @@ def test_a_coordinator_goes_on_from_a_bucket(bucket: Bucket, tmp_path: Path) -> 
     finally:
         second.terminate()
         assert second.wait() == 0
+    assert not (tmp_path / "murmuration-data").exists()
 
 
 def test_without_its_bucket_a_coordinator_acknowledges_no_decision(bucket: Bucket, tmp_path: Path) -> None:

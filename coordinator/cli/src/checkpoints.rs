@@ -45,7 +45,7 @@ pub enum CheckpointsCommand {
 impl CheckpointsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let makes_data =
-            matches!(self, Self::Import { .. }) && global.coordinator.is_none() && !is_there(&global.data)?;
+            matches!(self, Self::Import { .. }) && !global.names_coordinator() && !is_there(&global.data)?;
         let ask =
             async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
         if makes_data {

@@ -144,7 +144,7 @@ impl Evaluate {
                 signal = termination() => Err(CliError::Failed(signal.to_owned())),
             }
         };
-        if global.coordinator.is_some() || is_there(&global.data)? {
+        if global.names_coordinator() || is_there(&global.data)? {
             return connection::with(global, in_process, evaluate).await;
         }
         let folder = tempfile::tempdir()

@@ -84,6 +84,11 @@ impl Global {
         )
     }
 
+    /// Whether the user named a coordinator, by its URL or access file, so that the data directory does not matter.
+    const fn names_coordinator(&self) -> bool {
+        self.coordinator.is_some() || self.trust.access.is_some()
+    }
+
     /// A command to type next: `words`, with the options that name this command's coordinator or data directory.
     pub fn next(&self, words: &str) -> String {
         format!("murmuration {words}{}", self.place())

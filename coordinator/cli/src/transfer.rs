@@ -116,7 +116,7 @@ impl Import {
                 signal = termination() => Err(CliError::Failed(signal.to_owned())),
             }
         };
-        let is_new = global.coordinator.is_none() && !is_there(&global.data)?;
+        let is_new = !global.names_coordinator() && !is_there(&global.data)?;
         let imported = connection::with_new(global, InProcess::NONE, import).await;
         if imported.is_err() && is_new {
             remove_empty(&global.data);

@@ -37,7 +37,10 @@ impl Objects {
     /// AWS tools' environment variables. A missing folder is made.
     pub(crate) fn open(location: &str) -> Result<Self, NoPlace> {
         match folder_of(location)? {
-            Some(folder) => Self::in_folder(folder),
+            Some(folder) => Self::in_folder(folder).map_err(|refused| NoPlace {
+                location: masked_url(location),
+                ..refused
+            }),
             None => Self::in_bucket(location),
         }
     }
