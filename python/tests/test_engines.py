@@ -38,6 +38,7 @@ def ray_address(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A Ray cluster with two CPUs, in a process of its own, whose end is the end of all processes of the cluster."""
     monkeypatch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    monkeypatch.setenv("RAY_AUTH_MODE", "disabled")
     start = "import ray, sys; context = ray.init(num_cpus=2, include_dashboard=False, configure_logging=False); "
     start += "print('at', context.address_info['gcs_address'], flush=True); sys.stdin.read()"
     # Ray itself waits for its processes for 30 s at most, which is short on a busy machine.
