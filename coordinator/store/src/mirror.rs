@@ -1,6 +1,6 @@
 //! The mirror: a copy of the database in a folder or bucket, from which another machine goes on.
 //!
-//! A coordinator sends its database's log to the mirror, as numbered entries (see [`entries`]). A change that a person or another
+//! A coordinator sends its database's log to the mirror, as numbered entries (the module `entries`). A change that a person or another
 //! program decided is acknowledged once the mirror has it; the changes of a campaign's run follow within a second, because a run
 //! that goes on computes them again. A coordinator that goes on from the mirror writes the next entry. From then on the former
 //! one cannot write its next entry, which has the same number, and so can acknowledge nothing more.

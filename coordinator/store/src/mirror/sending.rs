@@ -420,7 +420,7 @@ fn read_header(log: &File) -> io::Result<(u64, [u8; 8])> {
 /// A snapshot that is complete, but for its entry.
 struct Snapshot {
     epoch: u64,
-    /// The value of [`State::tears`] before the file was read.
+    /// The value of `State::tears` before the file was read.
     tears: u64,
     /// What the mirror must have first, because the file can have it already.
     needs: End,
