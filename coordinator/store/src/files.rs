@@ -1,9 +1,14 @@
 //! Checks whether files and folders exist; the result is an error if the system cannot determine this.
 
+use murmuration_files::expect_regular;
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read as _},
     path::{self, Component, Path, PathBuf},
 };
+
+/// Bytes that are read of a small file; those of leases and mirrors have about 200 bytes.
+const SHORT_BYTES: u64 = 4 << 10;
 
 /// Whether anything exists at `path`. False only if the folder of `path`, or a folder above, was read and lacks the name.
 ///
@@ -66,6 +71,29 @@ pub fn without_links(path: &Path) -> io::Result<PathBuf> {
         missing.extend(part.components().next_back());
     }
     Ok(path)
+}
+
+/// The path of a database's log.
+pub(crate) fn log_of(database: &Path) -> PathBuf {
+    with_suffix(database, "-wal")
+}
+
+/// `path` with `suffix` after its name.
+pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
+/// Reads the beginning of a small file, which is opened anew: a network file system fetches new contents when a file is opened.
+///
+/// # Errors
+/// If the file cannot be read, or is no regular file.
+pub(crate) fn read_short(path: &Path) -> io::Result<Vec<u8>> {
+    expect_regular(path)?;
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(SHORT_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// Syncs the bytes of a file, or the entries of a folder, to the disk.

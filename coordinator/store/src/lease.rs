@@ -6,8 +6,10 @@
 //! the former holder has ended, or if its counter did not change for [`SILENCE`]; it then removes the file of the former holder,
 //! who looks for this file before and after each commit.
 
-use super::{FileSystem, StoreError};
-use murmuration_files::expect_regular;
+use super::{
+    FileSystem, StoreError,
+    files::{log_of, read_short},
+};
 use murmuration_search::interrupt::{Interrupt, Interrupted};
 use rustix::{
     fs::OFlags,
@@ -34,8 +36,6 @@ const SILENCE: Duration = Duration::from_secs(if cfg!(test) { 2 } else { 20 });
 const BEATS_TO_TOUCH: u64 = 1_800;
 /// Pause between two looks at another process's counter.
 const LOOK_PAUSE: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 200 });
-/// Bytes that are read of a file of a lease; a file of Murmuration has about 200 bytes.
-const MAX_BYTES: u64 = 4 << 10;
 
 /// A lease that this process holds.
 #[derive(Debug)]
@@ -521,7 +521,7 @@ impl Examined {
 /// Fails if the disk has no room for a copy of the database. Otherwise the former holder would be excluded in vain.
 fn expect_room(data: &Path) -> io::Result<()> {
     let database = data.join(super::Store::FILE);
-    let log = data.join(format!("{}-wal", super::Store::FILE));
+    let log = log_of(&database);
     let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
     let disk = rustix::fs::statvfs(data)?;
     match disk.f_bavail.saturating_mul(disk.f_frsize) >= bytes(&database) + bytes(&log) {
@@ -551,15 +551,6 @@ fn read(folder: &Path, number: u64) -> Result<Read, Refusal> {
 
 fn beat_count(folder: &Path, number: u64) -> Option<Vec<u8>> {
     read_short(&beat_of(folder, number)).ok()
-}
-
-/// Opens a file anew, and reads it: a network file system fetches new contents when a file is opened.
-fn read_short(path: &Path) -> io::Result<Vec<u8>> {
-    use io::Read as _;
-    expect_regular(path)?;
-    let mut bytes = Vec::new();
-    fs::File::open(path)?.take(MAX_BYTES).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 fn newest_of(numbers: &[u64]) -> Option<u64> {

@@ -89,7 +89,7 @@ pub struct Store {
     /// The lease of the data directory, if the store can write.
     lease: Option<Arc<Lease>>,
     /// The mirror to which the store sends its changes, if any.
-    mirror: Option<Mirror>,
+    mirror: Option<Arc<Mirror>>,
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
     /// while `connection` is locked.
     sync_failed: Arc<AtomicBool>,
@@ -138,7 +138,7 @@ impl Store {
     /// # Errors
     /// If the mirror does not work, or another process has gone on from it.
     pub async fn mirrored(mut self, claimed: Claimed) -> Result<Self, MirrorError> {
-        self.mirror = Some(Mirror::start(claimed, &self).await?);
+        self.mirror = Some(mirror::start(claimed, &self).await?);
         Ok(self)
     }
 
@@ -283,7 +283,7 @@ impl Store {
             self.sync_failed.store(true, Ordering::Relaxed);
         }
         let value = changed?;
-        let committed = self.mirror.as_ref().map(Mirror::committed);
+        let committed = self.mirror.as_ref().map(|mirror| mirror.committed());
         self.shorten_long_log(&connection);
         Ok((value, Committed(committed)))
     }

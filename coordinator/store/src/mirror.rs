@@ -5,39 +5,34 @@
 //! that goes on computes them again. A coordinator that goes on from the mirror writes the next entry. From then on the former
 //! one cannot write its next entry, which has the same number, and so can acknowledge nothing more.
 //!
-//! What is sent are frames of SQLite's write-ahead log, unchanged: a restore gives SQLite the same log, whose checksums SQLite
-//! checks. Litestream mirrors a database in this way; the fence by numbered entries is that of Delta Lake and SlateDB.
+//! An entry has frames of SQLite's write-ahead log. A restore gives SQLite the same log, and SQLite verifies its checksums. Litestream
+//! mirrors a database in this way; the fence by numbered entries is that of Delta Lake and SlateDB.
 
 mod entries;
+mod progress;
 mod restore;
 mod sending;
 
 use crate::{
     DataDirectory, Store, StoreError,
     checkpoints::CheckpointsOfMirror,
-    files::sync,
+    files::{read_short, sync},
     find_database,
     objects::{NoPlace, Objects},
 };
 use bytes::Bytes;
 use entries::{Entries, Entry, Placed, What};
 use murmuration_files::write_file;
-use rusqlite::Connection;
-pub(crate) use sending::End;
-use sending::Sending;
+pub(crate) use progress::{End, Mirror};
+pub(crate) use sending::start;
 use serde::{Deserialize, Serialize};
 use std::{
-    fs,
-    io::{self, Read as _},
+    io,
     path::{self, Path, PathBuf},
-    sync::{Arc, PoisonError},
-    time::Duration,
 };
 
 /// The file of a data directory that names the entries of its processes in the mirror.
 const FILE: &str = "mirror.json";
-/// Longest wait for the mirror before a long log is written into the database. Other changes wait meanwhile.
-const WAIT_TO_CATCH_UP: Duration = Duration::from_secs(5);
 /// Attempts to write the first entry, while a former coordinator still writes.
 const CLAIMS: usize = 20;
 
@@ -109,7 +104,6 @@ struct Writers {
     /// The process that wrote the newest entry before, in case that `writer` never wrote.
     former: String,
     /// Whether the directory's database is still being made from the mirror.
-    #[serde(default)]
     restoring: bool,
 }
 
@@ -139,12 +133,6 @@ pub struct Claimed {
     epoch_begins: u64,
 }
 
-/// A mirror to which a store sends its changes; cheap to clone.
-#[derive(Debug, Clone)]
-pub(crate) struct Mirror {
-    sending: Arc<Sending>,
-}
-
 /// Takes the mirror at `location`, a folder or a URL as of a checkpoint store, for the data directory. With `from_mirror`, a data
 /// directory without a database gets the mirror's. After this, no other process can write to the mirror.
 ///
@@ -161,7 +149,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         writer: format!("{:016x}", getrandom::u64().unwrap_or_default()),
         entries,
         next: 1,
-        epoch: 0,
+        epoch: 1,
         epoch_begins: 1,
     };
     for _ in 0..CLAIMS {
@@ -179,12 +167,11 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
             continue;
         };
         let (last, _) = claimed.entries.read(newest).await?;
-        let numbers = newest.checked_add(1).zip(last.epoch.checked_add(2));
-        let (next, _) = numbers.ok_or_else(|| MirrorError::Damaged {
+        let after = newest.checked_add(1).zip(last.epoch.checked_add(1));
+        (claimed.next, claimed.epoch) = after.ok_or_else(|| MirrorError::Damaged {
             object: place.clone(),
             reason: "its numbers are used up".to_owned(),
         })?;
-        (claimed.next, claimed.epoch) = (next, last.epoch);
         let is_ours = has_database && writers.wrote(&last);
         match (is_ours, from_mirror, has_database) {
             (true, ..) | (false, true, false) => {}
@@ -217,7 +204,6 @@ impl Claimed {
         former: String,
         restoring: bool,
     ) -> Result<bool, MirrorError> {
-        self.epoch += 1;
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
         let known = Writers {
             writer: self.writer.clone(),
@@ -238,17 +224,15 @@ impl Claimed {
     }
 
     fn entry(&self, what: What, payload: &[u8]) -> Result<Bytes, MirrorError> {
-        self.entry_of(self.epoch, what, entries::digest(payload), payload)
+        Entry::encode(&self.writer, self.epoch, what, payload)
     }
 
-    fn entry_of(&self, epoch: u64, what: What, digest: String, payload: &[u8]) -> Result<Bytes, MirrorError> {
-        let entry = Entry {
-            writer: self.writer.clone(),
-            epoch,
-            what,
-            digest,
-        };
-        entry.encode(payload)
+    /// Notes that the next entries belong to `epoch`, whose first entry has the number `begins`, unless they belong to a later one.
+    const fn enter_epoch(&mut self, epoch: u64, begins: u64) {
+        if self.epoch < epoch {
+            self.epoch = epoch;
+            self.epoch_begins = begins;
+        }
     }
 
     /// The place of the checkpoints in the mirror.
@@ -256,86 +240,6 @@ impl Claimed {
     pub fn checkpoints(&self) -> CheckpointsOfMirror {
         CheckpointsOfMirror(self.entries.objects.within("checkpoints"))
     }
-}
-
-impl Mirror {
-    /// Sends the whole database to the mirror, and all its changes from now on.
-    pub(crate) async fn start(claimed: Claimed, store: &Store) -> Result<Self, MirrorError> {
-        let (path, connection) = (store.path.clone(), store.connection.clone());
-        let sending = Arc::new(Sending::new(&claimed, &path)?);
-        let counting = sending.clone();
-        let prepare = move || -> Result<(), StoreError> {
-            let mut connection = connection.lock().unwrap_or_else(PoisonError::into_inner);
-            // The file is whole, and the log empty, when the first snapshot begins.
-            crate::open::settle(&connection, &path)?;
-            count_frames(&mut connection, counting).map_err(StoreError::from)
-        };
-        let prepared = crate::blocking::changing(prepare).await;
-        prepared.map_err(StoreError::from)??;
-        sending::begin(claimed, sending.clone()).await?;
-        Ok(Self { sending })
-    }
-
-    /// Fails if no change may begin: another process has gone on from the mirror or, for a change that must be in the mirror before
-    /// it is acknowledged, the mirror does not work.
-    pub(crate) fn check(&self, is_of_run: bool) -> Result<(), StoreError> {
-        self.sending.check(is_of_run)
-    }
-
-    /// Notes what a change has committed, while no other change can begin. Returns its end in the log.
-    pub(crate) fn committed(&self) -> Result<End, StoreError> {
-        self.sending.committed()
-    }
-
-    /// Waits until the mirror has all up to `end`, or the process ends. A change that is on disk must not be reported as refused.
-    pub(crate) fn wait(&self, end: End) -> Result<(), StoreError> {
-        self.sending.wait(end, None)
-    }
-
-    /// Lets no change wait any longer: the process ends.
-    pub(crate) fn begin_to_end(&self) {
-        self.sending.begin_to_end();
-    }
-
-    /// Notes that the store begins to empty the log, whether or not the mirror has it.
-    pub(crate) fn emptying(&self) {
-        self.sending.emptying();
-    }
-
-    /// Notes that the log is empty or, if not `done`, that it is only partly in the database's file.
-    pub(crate) fn emptied(&self, done: bool) {
-        self.sending.emptied(done);
-    }
-
-    /// Waits until the mirror has the whole log, so that the log may be written into the database, after which it begins anew.
-    /// Returns whether this is so; at once if the mirror does not work.
-    pub(crate) fn catches_up(&self) -> bool {
-        self.sending.catches_up(WAIT_TO_CATCH_UP)
-    }
-
-    /// Notes that the whole log is in the database.
-    pub(crate) fn log_written(&self) {
-        self.sending.log_written();
-    }
-
-    /// Returns, with the reason, when another process has gone on from the mirror.
-    pub(crate) fn taken_over(&self) -> impl Future<Output = StoreError> + use<> {
-        self.sending.clone().taken_over()
-    }
-
-    /// Sends what is left, within some seconds.
-    pub(crate) async fn finish(&self) {
-        self.sending.finish().await;
-    }
-}
-
-/// From now on, SQLite says after each commit how many frames the log has. SQLite no longer writes the log into the database by
-/// itself then: the log must not begin anew before the mirror has it.
-fn count_frames(connection: &mut Connection, sending: Arc<Sending>) -> rusqlite::Result<()> {
-    connection.wal_hook(Some(move |_: &mut rusqlite::hooks::Wal, frames: i32| {
-        sending.count(u64::from(frames.unsigned_abs()));
-        Ok(())
-    }))
 }
 
 fn open(location: &str) -> Result<Objects, MirrorError> {
@@ -348,11 +252,9 @@ fn open(location: &str) -> Result<Objects, MirrorError> {
 
 fn read_writers(data: &Path) -> Result<Writers, MirrorError> {
     let path = data.join(FILE);
-    let mut bytes = Vec::new();
-    match fs::File::open(&path) {
-        Ok(file) => file.take(1 << 16).read_to_end(&mut bytes)?,
+    let bytes = match read_short(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Writers::default()),
-        Err(error) => return Err(StoreError::from_io(error, "read", &path).into()),
+        read => read.map_err(|error| StoreError::from_io(error, "read", &path))?,
     };
     serde_json::from_slice(&bytes).map_err(|error| {
         let error = io::Error::other(format!("{error}: remove it, and name a new mirror"));

@@ -1,7 +1,11 @@
 //! Opens the database: creates it whole or not at all, checks it before use, and secures it after the disk failed.
 
 use super::{
-    FileSystem, Store, StoreError, files::sync, find_database, lease::give_to_owner, schema,
+    FileSystem, Store, StoreError,
+    files::{log_of, sync, with_suffix},
+    find_database,
+    lease::give_to_owner,
+    schema,
     studies::take_over,
 };
 use rusqlite::{
@@ -14,7 +18,7 @@ use std::{
     fs,
     io::{self, Read as _},
     os::unix::{ffi::OsStrExt as _, fs::OpenOptionsExt as _},
-    path::{Path, PathBuf},
+    path::Path,
     time::Duration,
 };
 use tempfile::TempPath;
@@ -81,7 +85,7 @@ pub(super) fn renew(
     let database = database.canonicalize().map_err(failed)?;
     check()?;
     remove_abandoned(&database);
-    for path in [with_suffix(&database, "-wal"), database.clone()] {
+    for path in [log_of(&database), database.clone()] {
         let failed = |error| StoreError::from_io(error, "copy", &path);
         let mut former = match fs::File::open(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
@@ -221,7 +225,7 @@ fn to_read_alone(path: &Path, file_system: &FileSystem) -> Result<Connection, St
 /// that no other process writes the database. If the database then has no log either, SQLite makes no files beside it.
 pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
-    let log = with_suffix(path, "-wal");
+    let log = log_of(path);
     let log_bytes = match log.metadata() {
         Ok(log) => log.len(),
         Err(error) if error.kind() == io::ErrorKind::NotFound => 0,
@@ -281,7 +285,7 @@ pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreEr
 
 /// Length of the database's log in bytes.
 pub(super) fn log_len(path: &Path) -> u64 {
-    let log = with_suffix(path, "-wal");
+    let log = log_of(path);
     log.metadata().map_or(0, |log| log.len())
 }
 
@@ -322,12 +326,6 @@ fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
             reason: message.replace('\n', " "),
         }),
     }
-}
-
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    name.into()
 }
 
 /// A path for a URI of SQLite: escapes the bytes `%`, `?` and `#`, and all bytes that are not ASCII, since a path need not be text.

@@ -34,9 +34,9 @@ const KEPT: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 3600 });
 const SLOWEST: u64 = 256 << 10;
 /// Longest object of an entry: a payload that zstd could not compress, and the first line.
 const LONGEST_ENTRY: u64 = MAX_PAYLOAD + (64 << 10);
-/// Longest object that can be a claim, bytes. A part of a log is longer, but for a few.
+/// Longest object that can be a claim, bytes. Parts of a log that are as short stay in the mirror too.
 const LONGEST_CLAIM: u64 = 512;
-/// Level of zstd. Pages of a database shrink to a third at the fastest level, and little more at higher ones.
+/// Level of zstd: a fast one, because a decision waits for its entry.
 const LEVEL: i32 = 1;
 
 /// The first line of an entry.
@@ -47,8 +47,8 @@ pub(super) struct Entry {
     /// The number of the database's log, counted over all writers: a log that begins anew has the next number.
     pub(super) epoch: u64,
     pub(super) what: What,
-    /// BLAKE3 of the payload or, for a snapshot, of the database's file.
-    pub(super) digest: String,
+    /// BLAKE3 of the payload.
+    digest: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,13 +57,24 @@ pub(super) enum What {
     /// The writer goes on from here: former writers can write no more.
     Claim,
     /// Bytes of the log of epoch `epoch`, beginning at byte `from`.
-    Frames { from: u64 },
-    /// The database's file, at some time during epoch `epoch`: with the whole log of this epoch, and of all later ones, it gives
-    /// the database.
-    Snapshot { object: String, bytes: u64 },
+    Frames {
+        from: u64,
+    },
+    Snapshot(Snapshot),
 }
 
-/// Whose entry has a number.
+/// The database's file at some time during an epoch. With the whole log of this epoch and of all later ones, it gives the database.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Snapshot {
+    /// Name of the object.
+    pub(super) object: String,
+    pub(super) epoch: u64,
+    bytes: u64,
+    /// BLAKE3 of the file.
+    digest: String,
+}
+
+/// Which writer's entry has the number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Placed {
     Ours,
@@ -88,8 +99,14 @@ pub(super) struct Entries {
 
 impl Entry {
     /// The object of an entry with this payload.
-    pub(super) fn encode(&self, payload: &[u8]) -> Result<Bytes, MirrorError> {
-        let mut bytes = serde_json::to_vec(self).map_err(io::Error::other)?;
+    pub(super) fn encode(writer: &str, epoch: u64, what: What, payload: &[u8]) -> Result<Bytes, MirrorError> {
+        let entry = Self {
+            writer: writer.to_owned(),
+            epoch,
+            what,
+            digest: digest(payload),
+        };
+        let mut bytes = serde_json::to_vec(&entry).map_err(io::Error::other)?;
         bytes.push(b'\n');
         bytes.extend(zstd::bulk::compress(payload, LEVEL)?);
         Ok(bytes.into())
@@ -101,14 +118,14 @@ impl Entry {
         let entry: Self = serde_json::from_slice(line).map_err(|error| error.to_string())?;
         let payload =
             zstd::bulk::decompress(compressed, MAX_PAYLOAD as usize).map_err(|error| error.to_string())?;
-        if !matches!(entry.what, What::Snapshot { .. }) && digest(&payload) != entry.digest {
-            return Err("its bytes have another digest".to_owned());
+        match digest(&payload) == entry.digest {
+            true => Ok((entry, payload)),
+            false => Err("its bytes have another digest".to_owned()),
         }
-        Ok((entry, payload))
     }
 }
 
-pub(super) fn digest(payload: &[u8]) -> String {
+fn digest(payload: &[u8]) -> String {
     blake3::hash(payload).to_hex().to_string()
 }
 
@@ -183,21 +200,27 @@ impl Entries {
         }
     }
 
-    /// Writes the database's file as an object. Returns its size and digest.
+    /// Writes the database's file as the object of a snapshot.
     pub(super) async fn put_snapshot(
         &self,
-        object: &str,
+        object: String,
+        epoch: u64,
         file: Arc<File>,
-    ) -> Result<(u64, String), MirrorError> {
-        let path = self.objects.path(object);
+    ) -> Result<Snapshot, MirrorError> {
+        let path = self.objects.path(&object);
         let upload = self.within(self.objects.store.put_multipart(&path)).await?;
         let mut parts = WriteMultipart::new_with_chunk_size(upload, PART_BYTES);
         match self.put_parts(&mut parts, file).await {
-            Ok(written) => {
+            Ok((bytes, digest)) => {
                 // This waits for the last parts, and for the whole file to be on disk.
-                let limit = LIMIT + Duration::from_secs(written.0 / SLOWEST);
+                let limit = LIMIT + Duration::from_secs(bytes / SLOWEST);
                 self.within_limit(limit, parts.finish()).await?;
-                Ok(written)
+                Ok(Snapshot {
+                    object,
+                    epoch,
+                    bytes,
+                    digest,
+                })
             }
             Err(error) => {
                 let _ = self.within(parts.abort()).await;
@@ -206,6 +229,7 @@ impl Entries {
         }
     }
 
+    /// Returns the size and digest of the file.
     async fn put_parts(
         &self,
         parts: &mut WriteMultipart,
@@ -227,13 +251,8 @@ impl Entries {
     }
 
     /// Reads a snapshot into `file`, and checks it.
-    pub(super) async fn get_snapshot(
-        &self,
-        object: &str,
-        (expected_bytes, expected): (u64, &str),
-        file: &Path,
-    ) -> Result<(), MirrorError> {
-        let path = self.objects.path(object);
+    pub(super) async fn get_snapshot(&self, snapshot: &Snapshot, file: &Path) -> Result<(), MirrorError> {
+        let path = self.objects.path(&snapshot.object);
         let found = self.within(self.objects.store.get(&path)).await?;
         let (mut stream, mut hasher, mut file) = (
             found.into_stream(),
@@ -241,20 +260,20 @@ impl Entries {
             File::create_new(file)?,
         );
         let damaged = |reason: &str| MirrorError::Damaged {
-            object: self.objects.name(object),
+            object: self.objects.name(&snapshot.object),
             reason: reason.to_owned(),
         };
         let mut bytes = 0;
         while let Some(part) = self.within(stream.try_next()).await? {
             bytes += part.len() as u64;
-            if bytes > expected_bytes {
+            if bytes > snapshot.bytes {
                 return Err(damaged("it is longer than its entry says"));
             }
             hasher.update(&part);
             file.write_all(&part)?;
         }
         file.sync_all()?;
-        match hasher.finalize().to_hex().as_str() == expected {
+        match hasher.finalize().to_hex().as_str() == snapshot.digest {
             true => Ok(()),
             false => Err(damaged("its bytes have another digest")),
         }
