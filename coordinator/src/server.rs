@@ -162,6 +162,36 @@ impl Drop for ClosedOnDrop {
     }
 }
 
+/// Opens the database and the checkpoints of `options`. From then on, changes and checkpoints go to the mirror too, if `options` name one.
+async fn open_data(options: Options) -> Result<(Options, ClosedOnDrop, Checkpoints), ServerError> {
+    let claimed = match &options.mirror {
+        Some(mirror) => Some(mirror::claim(&options.data, &mirror.location, mirror.from_mirror).await?),
+        None => None,
+    };
+    // Opening can take long if the database has an older schema, and a signal may end it.
+    let open = move || (Store::open(&options.data), options);
+    let (store, options) = blocking(open).await.map_err(StoreError::from)?;
+    let mut store = ClosedOnDrop(store?);
+    let mut mirrored_checkpoints = None;
+    if let Some(claimed) = claimed {
+        mirrored_checkpoints = Some(claimed.checkpoints());
+        store.0 = store.0.clone().mirrored(claimed).await?;
+    }
+    let mut checkpoints = Checkpoints::open(
+        store.0.clone(),
+        options.data.path(),
+        options.checkpoints.as_deref(),
+    )?;
+    if let (Some(mirror), None) = (mirrored_checkpoints, &options.checkpoints) {
+        checkpoints = checkpoints.mirrored(mirror).await?;
+    }
+    // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
+    if options.tries_checkpoints && options.checkpoints.is_some() {
+        checkpoints.try_out().await?;
+    }
+    Ok((options, store, checkpoints))
+}
+
 impl Coordinator {
     /// Opens the store, listens, and serves.
     ///
@@ -170,30 +200,8 @@ impl Coordinator {
     pub async fn start(options: Options) -> Result<Self, ServerError> {
         options.check_access_files()?;
         let (listener, address) = listen(options.listen.address()).await?;
-        let claimed = match &options.mirror {
-            Some(mirror) => Some(mirror::claim(&options.data, &mirror.location, mirror.from_mirror).await?),
-            None => None,
-        };
-        // Opening can take long if the database has an older schema, and a signal may end it.
-        let open = move || (Store::open(&options.data), options);
-        let (store, options) = blocking(open).await.map_err(StoreError::from)?;
-        let mut store = store?;
-        let mut closed_on_drop = ClosedOnDrop(store.clone());
-        let mut mirrored_checkpoints = None;
-        if let Some(claimed) = claimed {
-            mirrored_checkpoints = Some(claimed.checkpoints());
-            store = store.mirrored(claimed).await?;
-            closed_on_drop.0 = store.clone();
-        }
-        let mut checkpoints =
-            Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
-        if let (Some(mirror), None) = (mirrored_checkpoints, &options.checkpoints) {
-            checkpoints = checkpoints.mirrored(mirror).await?;
-        }
-        // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
-        if options.tries_checkpoints && options.checkpoints.is_some() {
-            checkpoints.try_out().await?;
-        }
+        let (options, closed_on_drop, checkpoints) = open_data(options).await?;
+        let store = closed_on_drop.0.clone();
         checkpoints.verify().await?;
         let metrics = Metrics::new();
         let quarantined = store.quarantined()?;
