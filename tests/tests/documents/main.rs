@@ -22,6 +22,7 @@ fn main() -> ExitCode {
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),
         test!(references::every_block_says_what_it_is),
+        test!(references::the_certificate_has_the_name_by_which_keda_calls),
         test!(fields::every_field_of_a_campaign_file_is_in_a_table),
         test!(robots::every_drawing_is_of_the_description_above_it),
     ])

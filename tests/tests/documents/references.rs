@@ -2,7 +2,7 @@
 
 use clap::Command;
 use murmuration_tests::pages::{blocks, page, pages, prose, root};
-use std::{collections::BTreeSet, path::Path};
+use std::{collections::BTreeSet, fs, path::Path};
 
 /// The targets of links and pictures: the text in `](...)`.
 fn links(text: &str) -> impl Iterator<Item = &str> {
@@ -147,5 +147,25 @@ pub fn every_block_says_what_it_is() {
             );
             above = if line.trim().is_empty() { "" } else { "text" };
         }
+    }
+}
+
+/// KEDA verifies the coordinator's certificate, so `murmuration certs` must name the host that KEDA calls.
+pub fn the_certificate_has_the_name_by_which_keda_calls() {
+    let manifest = fs::read_to_string(root().join("deploy/keda/scaled-objects.yaml")).unwrap();
+    let addresses: Vec<&str> = manifest
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("scalerAddress: "))
+        .collect();
+    let page = page("docs/operations.md");
+    assert!(!addresses.is_empty());
+    for address in addresses {
+        let host = address.rsplit_once(':').unwrap().0;
+        let is_named =
+            |line: &str| line.starts_with("murmuration certs ") && line.split(' ').any(|word| word == host);
+        assert!(
+            page.lines().any(is_named),
+            "`murmuration certs` lacks --host {host}"
+        );
     }
 }

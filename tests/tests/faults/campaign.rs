@@ -5,6 +5,17 @@ use murmuration_swarm::CampaignSpec;
 use murmuration_tests::Murmuration;
 use std::{collections::BTreeMap, fs, sync::Mutex};
 
+/// The arguments of a coordinator with a worker and a free port.
+pub const SERVE: [&str; 7] = [
+    "serve",
+    "--listen",
+    "127.0.0.1:0",
+    "--workers",
+    "1",
+    "--trainers",
+    "0",
+];
+
 /// A campaign of the method `hand-crafted`, with `generations` generations of ten controllers.
 pub fn campaign(scale: &Scale, generations: u32, horizon: u32) -> CampaignSpec {
     let generations = scale.stretch * generations;

@@ -2,7 +2,7 @@
 
 use super::{
     Scale,
-    campaign::{Undisturbed, campaign},
+    campaign::{SERVE, Undisturbed, campaign},
     table::Row,
 };
 use murmuration_tests::{Murmuration, ProcessCluster};
@@ -31,18 +31,8 @@ pub fn goes_on(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     first.coordinator().signal("STOP");
     let by_other = Murmuration::over(&other);
     let mirror = mirror.display().to_string();
-    let mut second = by_other.start(&[
-        "serve",
-        "--mirror",
-        &mirror,
-        "--from-mirror",
-        "--listen",
-        "127.0.0.1:0",
-        "--workers",
-        "1",
-        "--trainers",
-        "0",
-    ]);
+    let from_mirror = ["--mirror", &mirror, "--from-mirror"];
+    let mut second = by_other.start(&[SERVE.as_slice(), &from_mirror].concat());
     second.wait_for("  pages:");
     let resumed = by_other.latest();
     let at = resumed["generations_done"].as_u64().unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::{
     Scale,
-    campaign::{Undisturbed, campaign},
+    campaign::{SERVE, Undisturbed, campaign},
     table::Row,
 };
 use murmuration_tests::{BoundFolder, Murmuration, ProcessCluster, Running, binary};
@@ -14,15 +14,7 @@ fn elsewhere(data: &Path) -> Running {
     command
         .args(["--pid", "--fork", "--kill-child"])
         .arg(binary("murmuration"))
-        .args([
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            "--workers",
-            "1",
-            "--trainers",
-            "0",
-        ])
+        .args(SERVE)
         .arg("--data")
         .arg(data);
     Running::start(command)
