@@ -8,23 +8,15 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 from moto.server import ThreadedMotoServer
 
 import murmuration as mm
+from conftest import SPEC
 
 MIRROR = "s3://swarms/mirror"
-SPEC: dict[str, Any] = {
-    "name": "moved",
-    "model": "single-sensor",
-    "method": "hand-crafted",
-    "seed": 3,
-    "world": {"horizon": 300},
-    "search": {"population": 20, "generations": 100},
-    "taxonomy": {"medoids": 4},
-}
+LONGER = SPEC | {"search": {"population": 20, "generations": 100}}
 MODEL = Path(__file__).parents[2] / "tests/models/small.onnx"
 
 
@@ -84,14 +76,14 @@ def connect(data: Path) -> mm.Client:
 
 def test_a_coordinator_goes_on_from_a_bucket(bucket: Bucket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with mm.local(workers=2, trainers=0) as client:
-        undisturbed = client.run(SPEC).digest()
+        undisturbed = client.run(LONGER).digest()
     # Commands of a client have nothing to do with this folder.
     monkeypatch.chdir(tmp_path)
     first = bucket.serve(tmp_path / "first")
     try:
         with connect(tmp_path / "first") as client:
             client.command("checkpoints", "import", str(MODEL))
-            campaign = client.submit(SPEC)
+            campaign = client.submit(LONGER)
             while campaign.status().generations_done < 4:
                 pass
             campaign.label({0: "ring", 3: "clump"}, annotator="ana")
@@ -117,11 +109,12 @@ def test_without_its_bucket_a_coordinator_acknowledges_no_decision(bucket: Bucke
     process = bucket.serve(tmp_path / "data")
     try:
         with connect(tmp_path / "data") as client, ThreadPoolExecutor() as threads:
-            campaign = client.run(SPEC | {"search": {"population": 20, "generations": 3}})
+            campaign = client.run(SPEC)
             bucket.server.stop()
             waiting = threads.submit(campaign.label, {0: "ring"}, annotator="ana")
             # The coordinator learns of the outage from the first label.
-            time.sleep(30)
+            while "the mirror does not work" not in (tmp_path / "data.log").read_text():
+                time.sleep(0.05)
             with pytest.raises(mm.MurmurationError, match="mirror s3://swarms/mirror does not work"):
                 campaign.label({1: "ring"}, annotator="ana")
             assert not waiting.done()

@@ -12,17 +12,10 @@ from typing import Any
 import pytest
 
 import murmuration as mm
+from conftest import SPEC
 from murmuration._workers import WorkerProcess
 
-SPEC: dict[str, Any] = {
-    "name": "hosted",
-    "model": "single-sensor",
-    "method": "hand-crafted",
-    "seed": 3,
-    "world": {"horizon": 300},
-    "search": {"population": 20, "generations": 150},
-    "taxonomy": {"medoids": 4},
-}
+LONGER = SPEC | {"name": "hosted", "search": {"population": 20, "generations": 150}}
 SECONDS = 300
 
 
@@ -72,7 +65,7 @@ def workers(client: mm.Client) -> list[mm.Worker]:
 def digest() -> str:
     """The digest of the campaign on one machine."""
     with mm.local(workers=2, trainers=0) as client:
-        return client.run(SPEC).digest()
+        return client.run(LONGER).digest()
 
 
 def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(digest: str) -> None:
@@ -93,10 +86,10 @@ def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(d
 
         before = set(dask.run(process).values())
         victim = next(iter(dask.run(os.getpid).values()))
-        campaign = client.submit(SPEC)
+        campaign = client.submit(LONGER)
         wait_until(lambda: campaign.status().generations_done > 3)
         os.kill(victim, signal.SIGKILL)
-        assert campaign.status().generations_done < SPEC["search"]["generations"]
+        assert campaign.status().generations_done < LONGER["search"]["generations"]
         # Dask starts the killed process again.
         wait_until(lambda: len(set(dask.run(process, on_error="ignore").values()) - before - {None}) == 1)
         cluster.scale(3)
@@ -118,7 +111,7 @@ def test_dask_scales_by_the_open_work() -> None:
             Adaptive=mm.DaskAdaptive, murmuration=client, minimum=0, maximum=2, interval="200ms", wait_count=3
         )
         assert client.workers_wanted() == 0
-        campaign = client.submit(SPEC | {"name": "scaled"})
+        campaign = client.submit(LONGER | {"name": "scaled"})
         wait_until(lambda: client.workers_wanted() == 1)
         wait_until(lambda: len(workers(client)) >= 1)
         campaign.wait(progress=False)
@@ -154,10 +147,10 @@ def test_on_ray_each_node_has_a_worker_and_a_killed_one_is_replaced(digest: str,
             assert workers(client)[0].threads == 2
             (actor,) = client._end_workers.__self__.actors.values()  # type: ignore[union-attr]
             process = ray.get(actor.process.remote())
-            campaign = client.submit(SPEC)
+            campaign = client.submit(LONGER)
             wait_until(lambda: campaign.status().generations_done > 3)
             os.kill(process, signal.SIGKILL)
-            assert campaign.status().generations_done < SPEC["search"]["generations"]
+            assert campaign.status().generations_done < LONGER["search"]["generations"]
             wait_until(lambda: ray.get(actor.process.remote()) not in (None, process))
             ray.kill(actor, no_restart=False)
             assert campaign.wait(progress=False).digest() == digest
