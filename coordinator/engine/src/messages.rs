@@ -128,6 +128,8 @@ impl From<Neighbour> for v1::Neighbour {
 impl From<Nearest> for v1::FindNearestResponse {
     fn from(nearest: Nearest) -> Self {
         Self {
+            is_unlike: nearest.is_unlike(),
+            spread: nearest.spread,
             neighbours: nearest.neighbours.into_iter().map(Into::into).collect(),
             labelled: nearest.labelled.map(Into::into),
             medoid: Some(nearest.medoid.into()),

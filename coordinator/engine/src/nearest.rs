@@ -6,8 +6,7 @@ use murmuration_search::novelty::{Behaviours, Misfit};
 use murmuration_swarm::counted;
 use std::collections::BTreeMap;
 
-/// A behaviour is unlike everything in a cluster if its distance from the medoid is more than `UNLIKE` times the cluster's mean
-/// distance.
+/// A behaviour is far from a cluster if its distance from the medoid is more than `UNLIKE` times the cluster's mean distance.
 pub const UNLIKE: f64 = 3.0;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +31,8 @@ pub struct Nearest {
     pub medoid: Neighbour,
     /// Mean distance of the nearest medoid's cluster, in units of the behaviour space.
     pub mean_distance: f64,
+    /// Mean distance of all individuals from the medoids of their clusters, in units of the behaviour space.
+    pub spread: f64,
     /// Whether the clusters come from the taxonomy.
     pub is_taxonomy: bool,
 }
@@ -82,20 +83,23 @@ impl Nearest {
         let labelled = labelled.filter(|&place| place < distances.len()).min_by(nearer);
         let medoid = clustering.medoids.iter().copied().min_by(nearer);
         let medoid = medoid.ok_or(NearestError::NoMedoid(distances.len()))?;
-        let members = clustering
-            .clusters
-            .iter()
-            .zip(0..)
-            .filter(|(cluster, _)| clustering.medoids.get(**cluster as usize) == Some(&medoid));
-        let to_medoid = members.map(|(_, member)| behaviours.squared_distance(member, medoid).sqrt());
-        let (sum, members) = to_medoid.fold((0.0, 0_u32), |(sum, members), distance| {
-            (sum + distance, members + 1)
-        });
+        let of_cluster = |cluster: u32| clustering.medoids.get(cluster as usize).copied();
+        let mean = |only: Option<usize>| {
+            let (mut sum, mut members) = (0.0, 0_u32);
+            for (&cluster, member) in clustering.clusters.iter().zip(0..) {
+                if let Some(own) = of_cluster(cluster).filter(|own| only.is_none_or(|only| only == *own)) {
+                    sum += behaviours.squared_distance(member, own).sqrt();
+                    members += 1;
+                }
+            }
+            sum / f64::from(members.max(1))
+        };
         Ok(Self {
             neighbours: places.into_iter().map(neighbour).collect(),
             labelled: labelled.map(neighbour),
             medoid: neighbour(medoid),
-            mean_distance: sum / f64::from(members.max(1)),
+            mean_distance: mean(Some(medoid)),
+            spread: mean(None),
             is_taxonomy: clustered.is_taxonomy,
         })
     }
@@ -107,16 +111,16 @@ impl Nearest {
         relative_distance(self.medoid.distance, self.mean_distance)
     }
 
-    /// Whether the behaviour is unlike everything in the archive.
+    /// Whether the behaviour is unlike everything in the archive: it is far from its nearest cluster, and farther from the nearest
+    /// individual than individuals are from their medoids on average. A behaviour between clusters, beside an individual that
+    /// belongs to none of them either, is like this individual.
     pub fn is_unlike(&self) -> bool {
-        is_unlike(self.medoid.distance, self.mean_distance)
+        let nearest = self
+            .neighbours
+            .first()
+            .map_or(f64::INFINITY, |near| near.distance);
+        self.medoid.distance > UNLIKE * self.mean_distance && nearest > self.spread
     }
-}
-
-/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its cluster. If all members are at one
-/// place, the answer is yes for any distance above 0.
-pub fn is_unlike(distance: f64, mean_distance: f64) -> bool {
-    distance > UNLIKE * mean_distance
 }
 
 /// A distance from a medoid, divided by the mean distance of its cluster; `None` if all members are at one place.
@@ -186,7 +190,8 @@ mod tests {
         assert_eq!(found.neighbours[2].class, Some(class("ring")));
         assert_eq!(found.labelled.as_ref().map(|near| near.index), Some(0));
         assert_eq!((found.medoid.index, found.medoid.distance), (1, 1.0));
-        assert_eq!(found.mean_distance, 1.0);
+        // The members of the first cluster are at distances 1, 0 and 2 from its medoid, that of the second at 0.
+        assert_eq!((found.mean_distance, found.spread), (1.0, 0.75));
         assert!(!found.is_unlike());
         let far = Nearest::find(&archive, &BTreeMap::new(), &[12.0], 9).unwrap();
         // All members of a cluster with one member are at one place.
@@ -195,6 +200,17 @@ mod tests {
             (far.neighbours.len(), far.medoid.cluster, far.labelled),
             (4, 1, None)
         );
+    }
+
+    #[test]
+    fn what_is_beside_an_individual_is_like_it_even_far_from_every_medoid() {
+        // The member at 6 is far from its medoid at 1.
+        let archive = archive(&[0.9, 1.0, 6.0, 10.0]);
+        let found = |place: f64| Nearest::find(&archive, &BTreeMap::new(), &[place], 1).unwrap();
+        let twin = found(6.1);
+        assert!((twin.medoid.index, twin.mean_distance) == (3, 0.0) && twin.medoid.distance > 3.0);
+        assert!(!twin.is_unlike());
+        assert!(found(8.0).is_unlike());
     }
 
     #[test]

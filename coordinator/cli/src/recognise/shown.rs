@@ -7,7 +7,7 @@ use super::{
     },
     Recognised,
 };
-use murmuration_engine::nearest::{UNLIKE, is_unlike, relative_distance};
+use murmuration_engine::nearest::{UNLIKE, relative_distance};
 use murmuration_link::{OutputError, outln};
 use murmuration_proto::v1;
 use murmuration_swarm::{FEATURE_NAMES, figure, in_full, rounded};
@@ -57,7 +57,7 @@ fn named(neighbour: &v1::Neighbour) -> String {
 /// individual.
 fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     let medoid = nearest.medoid.clone().unwrap_or_default();
-    let mut message = match is_unlike(medoid.distance, nearest.mean_distance) {
+    let mut message = match nearest.is_unlike {
         true => format!("It is unlike every behaviour in {campaign}: the"),
         false => "The".to_owned(),
     };
@@ -69,8 +69,16 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     );
     if let Some(times) = relative(nearest) {
         message += &format!(
-            ", {} times as far as its members are on average (from {UNLIKE} on, a behaviour counts as unlike all others)",
+            ", {} times as far as its members are on average",
             rounded(times, 1)
+        );
+    }
+    if let Some(near) = nearest.neighbours.first() {
+        message += &format!(
+            ". The nearest individual is {} away; individuals are {} from their medoids on average (a behaviour more than {UNLIKE} \
+             times as far from the medoid, and farther from the nearest individual than this, counts as unlike all others)",
+            figure(near.distance),
+            figure(nearest.spread)
         );
     }
     if !nearest.is_taxonomy {
@@ -115,7 +123,7 @@ mod tests {
 
     #[test]
     fn what_is_far_from_every_cluster_is_like_nothing() {
-        let message = |distance: f64| {
+        let message = |distance: f64, is_unlike: bool| {
             let neighbour = |class: &str| v1::Neighbour {
                 index: 7,
                 distance,
@@ -123,20 +131,27 @@ mod tests {
                 class: class.to_owned(),
             };
             let nearest = v1::FindNearestResponse {
+                neighbours: vec![neighbour("")],
                 medoid: Some(neighbour("")),
                 labelled: Some(neighbour("ring")),
                 mean_distance: 0.5,
+                spread: 0.25,
                 is_taxonomy: true,
+                is_unlike,
                 ..v1::FindNearestResponse::default()
             };
             verdict("quick-1", &nearest)
         };
         assert_eq!(
-            message(1.0),
-            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (from 3 \
-             on, a behaviour counts as unlike all others). The nearest individual with a class is 7 (1.0000): ring."
+            message(1.0, false),
+            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average. The \
+             nearest individual is 1.0000 away; individuals are 0.2500 from their medoids on average (a behaviour more than 3 times \
+             as far from the medoid, and farther from the nearest individual than this, counts as unlike all others). The nearest \
+             individual with a class is 7 (1.0000): ring."
         );
-        assert!(message(1.6).starts_with("It is unlike every behaviour in quick-1: the nearest cluster"));
-        assert!(message(1e301).len() < 400, "{}", message(1e301));
+        assert!(
+            message(1.6, true).starts_with("It is unlike every behaviour in quick-1: the nearest cluster")
+        );
+        assert!(message(1e301, true).len() < 600);
     }
 }

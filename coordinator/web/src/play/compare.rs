@@ -139,9 +139,14 @@ fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     html! {
         @if nearest.is_unlike() { strong { "This is unlike every behaviour in " (record.id) "." } " " }
         "The nearest cluster is " (medoid.cluster + 1) ", " (rounded(medoid.distance, 3)) " from its medoid"
-        @if let Some(times) = times { ", " (rounded(times, 1)) " times as far as its members are on average (from " (UNLIKE) " on, a behaviour counts as unlike all others)" }
-        "."
-        @if !nearest.is_taxonomy { " The campaign is not complete, so clusters may change." }
+        @if let Some(times) = times { ", " (rounded(times, 1)) " times as far as its members are on average" }
+        ". "
+        @if let Some(near) = nearest.neighbours.first() {
+            "The nearest individual is " (rounded(near.distance, 3)) " away; individuals are " (rounded(nearest.spread, 3))
+            " from their medoids on average. (A behaviour more than " (UNLIKE) " times as far from the medoid, and farther from the nearest "
+            "individual than this, counts as unlike all others.)"
+        }
+        @if !nearest.is_taxonomy { " The campaign is not complete, so its archive and clusters may change." }
         @if let Some(labelled) = &nearest.labelled {
             " The nearest individual with a class is " (labelled.index) " (" (rounded(labelled.distance, 3)) "): "
             strong { (labelled.class.as_ref().map_or("", |class| class.as_str())) } "."

@@ -34,7 +34,7 @@ use maud::Markup;
 use motion::{Kept, MOST_STEPS};
 use murmuration_access::Client;
 use murmuration_engine::blocking::in_background;
-use murmuration_model::{CampaignId, NewCampaign};
+use murmuration_model::{CampaignId, CampaignState, NewCampaign};
 use murmuration_service::OrStatus as _;
 use murmuration_swarm::{CampaignSpec, Invalid};
 use std::sync::Arc;
@@ -60,8 +60,15 @@ pub(super) async fn page(
     Ok(view::page(&address, &campaigns, &visitor))
 }
 
-/// The newest campaigns, at most [`OFFERED`], whose individuals can be compared with a swarm; newest first.
-async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError> {
+/// A campaign whose individuals can be compared with a swarm.
+struct Comparable {
+    id: CampaignId,
+    is_complete: bool,
+}
+
+/// The newest campaigns, at most [`OFFERED`], whose individuals can be compared with a swarm: completed ones first, and the newest
+/// first among them.
+async fn comparable(web: &Web, play: &Play) -> Result<Vec<Comparable>, PageError> {
     let heads = web.campaigns.heads().await?;
     let ids: Vec<CampaignId> = heads.into_iter().rev().map(|listed| listed.head.id).collect();
     let mut comparable = Vec::new();
@@ -70,12 +77,16 @@ async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError
         let records = statuses.into_iter().map(|status| status.record);
         let records =
             records.filter(|record| record.individuals() > 0 && compare::is_comparable(record, &play.world));
-        comparable.extend(records.map(|record| record.id));
+        comparable.extend(records.map(|record| Comparable {
+            is_complete: record.state == CampaignState::Completed,
+            id: record.id,
+        }));
         if comparable.len() >= OFFERED {
             comparable.truncate(OFFERED);
             break;
         }
     }
+    comparable.sort_by_key(|campaign| !campaign.is_complete);
     Ok(comparable)
 }
 

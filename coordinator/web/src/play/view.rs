@@ -8,12 +8,12 @@ use super::{
         parts,
         visitor::Visitor,
     },
-    OFFERED,
+    Comparable, OFFERED,
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
 };
 use maud::{Markup, html};
-use murmuration_model::{CampaignId, colours};
+use murmuration_model::colours;
 use murmuration_report::picture::{columns::WorldView, sensor_reach};
 use murmuration_swarm::{
     CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, World, grouped,
@@ -24,7 +24,7 @@ use serde_json::json;
 /// The page for an address.
 ///
 /// `campaigns` are the campaigns that can be compared with the address's swarm.
-pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visitor) -> Markup {
+pub(super) fn page(address: &Address, campaigns: &[Comparable], visitor: &Visitor) -> Markup {
     let content = html! {
         div.wide-bar {
             h1 { "Play" }
@@ -132,7 +132,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
 }
 
 /// The comparison with a campaign, and the button that starts a search from the swarm.
-fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
+fn comparison(play: &Play, campaigns: &[Comparable]) -> Markup {
     html! {
         section.compare.scripted aria-label="This swarm and campaigns" {
             div.choices {
@@ -143,7 +143,9 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
                     }
                 } @else {
                     label { "Campaign " select #campaign {
-                        @for id in campaigns { option value=(id) { (id) } }
+                        @for Comparable { id, is_complete } in campaigns {
+                            option value=(id) { (id) @if !is_complete { " (not complete)" } }
+                        }
                     } }
                     @if campaigns.len() == OFFERED { span.reason { "The newest " (OFFERED) " are listed." } }
                     button.plain #ask type="button" { "What is this like? " (keys::mark("like")) }
