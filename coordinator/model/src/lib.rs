@@ -4,6 +4,7 @@
 mod archive_embedder;
 mod campaign_id;
 pub mod colours;
+pub mod csv_file;
 mod exported;
 pub mod labels;
 mod machine;
