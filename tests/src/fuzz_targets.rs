@@ -167,8 +167,8 @@ pub fn checkpoint(bytes: &[u8]) {
 
 /// Parses a label file.
 pub fn labels_csv(bytes: &[u8]) {
-    let parse = |bytes| Table::parse(Path::new("labels.csv"), bytes, None).map(Table::into_answers);
-    if let Ok(answers) = parse(bytes.to_vec()) {
+    let parse = |bytes: &[u8]| Table::parse(Path::new("labels.csv"), bytes, None).map(Table::into_answers);
+    if let Ok(answers) = parse(bytes) {
         let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
         let individual = v1::Individual {
             controller: vec![0.5; 4],
@@ -180,7 +180,7 @@ pub fn labels_csv(bytes: &[u8]) {
             individual: &individual,
         };
         let written = to_csv(&spec, answers.iter().map(labelled)).unwrap();
-        assert_eq!(parse(written).as_ref(), Ok(&answers));
+        assert_eq!(parse(&written).as_ref(), Ok(&answers));
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::grey_image::pixels;
 use murmuration_files::{InputKind, read_bytes};
-use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
+use murmuration_model::csv_file::CsvError;
+use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Newest, Row};
 use murmuration_onnx::ImageShape;
 use murmuration_sim::evaluate::Evaluator;
 use murmuration_swarm::{Class, Features, ImageFormat, Invalid};
@@ -30,7 +31,6 @@ struct Behaviour {
     row: usize,
     id: String,
     class: String,
-    annotator: String,
     time_ms: u64,
 }
 
@@ -40,15 +40,15 @@ impl LabelledSet {
     /// judge's classes get the judge's spelling; other classes keep their first spelling.
     ///
     /// # Errors
-    /// If the file cannot be read, lacks the column `class` or both `index` and `id`, has two rows of one annotator about one
-    /// behaviour, or has no row with a class.
+    /// If the file cannot be read, lacks the column `class` or both `index` and `id`, has two answers of one annotator about one
+    /// behaviour and no times that tell which is newer, or has no row with a class.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
         let path = path.into();
-        let text = read_bytes(&path, InputKind::Labels).map_err(|error| LabelFileError::Unreadable {
+        let text = read_bytes(&path, InputKind::Labels).map_err(|error| CsvError::Unreadable {
             path: path.clone(),
             error: error.to_string(),
         })?;
-        let file = LabelFile::parse(&path, text)?;
+        let file = LabelFile::parse(&path, &text)?;
         let (behaviours, synthetic) = behaviours(&file)?;
         match (behaviours.is_empty(), synthetic) {
             (true, 0) => Err(LabelFileError::NoClass(path)),
@@ -110,7 +110,7 @@ impl LabelledSet {
     pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
-                return Err(row.refuse_behaviour("the name of an image"));
+                return Err(row.refuse_behaviour("the name of an image").into());
             }
             let image = folder.join(format!("{}.png", behaviour.id));
             pixels(&image, images).map_err(|problem| LabelFileError::Image { image, problem })
@@ -133,7 +133,7 @@ impl LabelledSet {
             .map(|(_, row)| row)
             .zip(self.swarms(starts)?)
             .collect();
-        let image = |(row, swarm): &(Row<'_>, Swarm)| {
+        let image = |(row, swarm): &(Row<'_>, Swarm)| -> Result<_, CsvError> {
             let Swarm {
                 controller,
                 start,
@@ -145,7 +145,7 @@ impl LabelledSet {
                 .and_then(|mut evaluator| evaluator.evaluate(controller, start));
             Ok(evaluated.map_err(|error| row.refused(error))?.into_image())
         };
-        rows.par_iter().map(image).collect()
+        Ok(rows.par_iter().map(image).collect::<Result<_, _>>()?)
     }
 
     /// Each behaviour with its row.
@@ -176,8 +176,9 @@ fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError>
     let mut behaviours: Vec<Behaviour> = Vec::new();
     let mut places: BTreeMap<&str, usize> = BTreeMap::new();
     let mut synthetic = 0;
-    for (place, row) in file.rows().enumerate() {
-        let Some(Answer::Class(class)) = row.answer()? else {
+    for newest in file.newest(|row| Ok(row.cell("annotator").to_owned()))? {
+        let Newest { place, row, .. } = newest;
+        let Answer::Class(class) = newest.answer else {
             continue;
         };
         if row.is_synthetic() {
@@ -189,16 +190,12 @@ fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError>
             row: place,
             id: row.behaviour().to_owned(),
             class: spelled.clone(),
-            annotator: row.cell("annotator").to_owned(),
-            time_ms: row.time_ms()?,
+            time_ms: newest.time_ms,
         };
         match places.get(row.behaviour()) {
             None => {
                 places.insert(row.behaviour(), behaviours.len());
                 behaviours.push(labelled);
-            }
-            Some(&before) if behaviours[before].annotator == labelled.annotator => {
-                return Err(row.refuse_behaviour("there once, or once for each annotator"));
             }
             Some(&before) if behaviours[before].time_ms <= labelled.time_ms => behaviours[before] = labelled,
             Some(_) => {}
@@ -264,8 +261,8 @@ mod tests {
             "line 2: group_rotation = \"NaN\": must be a finite number",
         );
         check_refused(
-            &format!("{HEAD}1,,,,,,\n1,ring,0,0,0,0,0\n1,ring,0,0,0,0,0\n"),
-            "line 4: id = \"1\": must be there once",
+            &format!("{HEAD}1,,,,,,\n1,ring,0,0,0,0,0\n1,clump,0,0,0,0,0\n"),
+            "lines 3 and 4: one annotator has two answers about 1, and no times tell which is newer",
         );
         let elsewhere = read(&format!("{HEAD}../1,ring,0,0,0,0,0\n")).unwrap();
         let error = elsewhere

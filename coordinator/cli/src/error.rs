@@ -6,7 +6,7 @@ use murmuration_embed::{EmbedError, RuntimeError};
 use murmuration_export::ExportError;
 use murmuration_files::FolderError;
 use murmuration_link::{CredentialsError, OutputError, root_cause};
-use murmuration_model::{CampaignId, labels::LabelFileError};
+use murmuration_model::{CampaignId, csv_file::CsvError, labels::LabelFileError};
 use murmuration_report::{ReportError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
 use murmuration_store::{
@@ -200,6 +200,12 @@ impl From<BackupError> for CliError {
             | BackupError::NoBackup { .. } => Self::Input(message),
             _ => Self::Failed(message),
         }
+    }
+}
+
+impl From<CsvError> for CliError {
+    fn from(error: CsvError) -> Self {
+        Self::Input(error.to_string())
     }
 }
 

@@ -12,7 +12,10 @@ use csv::Writer;
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln, termination};
-use murmuration_model::labels::{LabelFile, LabelFileError, Row};
+use murmuration_model::{
+    csv_file::{CsvError, CsvFile, CsvRow},
+    labels::Row,
+};
 use murmuration_proto::v1::{self, evaluate_request::Part, evaluation_description::Campaign};
 use murmuration_store::DataDirectory;
 use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, Text, counted, start_seed};
@@ -88,23 +91,20 @@ impl Evaluate {
         if let Some(genomes) = genomes::read(&self.controllers, &text, &columns)? {
             return self.tasks_of(spec, &genomes);
         }
-        let file = LabelFile::with_columns(&columns, &self.controllers, text)?;
-        let has_seeds = file.has("seed");
-        let task = |(row, place): (Row<'_>, u64)| {
+        let file = CsvFile::open(&self.controllers, text.as_slice(), &columns)?;
+        let has_seeds = file.header().has("seed");
+        let task = |(row, place): (Result<CsvRow, CsvError>, u64)| {
+            let row = row?;
             let genes = columns.iter().map(|name| row.finite(name));
             let controller = Controller::new(model.clone(), &genes.collect::<Result<Vec<_>, _>>()?)
                 .map_err(|error| row.refused(error))?;
             let seed = match has_seeds {
-                true => row.seed()?,
+                true => Row(&row).seed()?,
                 false => start_seed(self.seed, place),
             };
             Ok((controller, seed))
         };
-        let tasks: Tasks = file
-            .rows()
-            .zip(0..)
-            .map(task)
-            .collect::<Result<_, LabelFileError>>()?;
+        let tasks: Tasks = file.zip(0..).map(task).collect::<Result<_, CsvError>>()?;
         if tasks.is_empty() {
             let empty = format!("{}: the file has no controllers", self.controllers.display());
             return Err(CliError::Input(empty));

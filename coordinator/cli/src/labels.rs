@@ -12,7 +12,10 @@ use super::{
 use murmuration_coordinator::local::InProcess;
 use murmuration_files::InputKind;
 use murmuration_link::{OutputError, errln, outln};
-use murmuration_model::labels::{self, Annotator, Answer, Labelled, to_csv};
+use murmuration_model::{
+    csv_file::ColumnNames,
+    labels::{self, Annotator, Answer, Labelled, to_csv},
+};
 use murmuration_proto::{parts::whole, v1};
 use murmuration_swarm::{CampaignSpec, Strategy, Text, counted, grouped};
 use std::{
@@ -24,8 +27,8 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The option --csv reads answers from a file such as `murmuration labels --csv` writes (docs/labels.md). Its first line names the \
-columns. The columns index (of the individual; also called id) and class (a class, `not sure` or `skip`) are required; annotator and time \
-(RFC 3339) are optional. The columns seed, left_0, ..., if present, must match the individuals of the archive. Rows without a class \
+columns. The columns index (of the individual) and class (a class, `not sure` or `skip`) are required; annotator and time \
+(RFC 3339) are optional. Of two answers of one annotator about one individual, the newer counts. The columns seed, left_0, ..., if present, must match the individuals of the archive. Rows without a class \
 are skipped. Either all rows are stored or none. A file with rows of the synthetic annotator is refused.
 
 The option --synthetic lets the rule-based judge answer instead, from the motion of each individual. Its answers carry the annotator \
@@ -35,6 +38,7 @@ The pages of `murmuration serve` let you answer in a browser.
 
 Examples:
   murmuration label latest --csv my.csv --annotator ana
+  murmuration label latest --csv label-studio.csv --columns index=image,class=choice,time=created_at
   murmuration label latest --synthetic 200 --strategy medoids")]
 #[command(group = clap::ArgGroup::new("answers").required(true))]
 pub struct LabelCommand {
@@ -43,6 +47,9 @@ pub struct LabelCommand {
     /// File of the answers to add
     #[arg(long, value_name = "FILE", group = "answers")]
     csv: Option<PathBuf>,
+    /// Names of the columns in the file of --csv: index, class, annotator, time and seed, as far as they differ
+    #[arg(long, value_name = "index=NAME,...", requires = "csv")]
+    columns: Option<ColumnNames>,
     /// Annotator for the rows of --csv that name no annotator
     #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
     annotator: Option<Annotator>,
@@ -109,7 +116,13 @@ impl LabelCommand {
         let table = match &self.csv {
             Some(file) => {
                 let text = read(file, InputKind::Labels)?;
-                Some(labels::Table::parse(file, text, self.annotator.as_ref())?)
+                let columns = self.columns.clone().unwrap_or_default();
+                Some(labels::Table::parse_named(
+                    file,
+                    &text,
+                    self.annotator.as_ref(),
+                    columns,
+                )?)
             }
             None => None,
         };

@@ -13,7 +13,7 @@ use crate::{
     written,
 };
 use message::{AxisMessage, PhaseMessage, PublishedMessage, Seeds, StudyMessage};
-use murmuration_model::labels::to_cell;
+use murmuration_model::labels::is_formula;
 use murmuration_swarm::{
     CampaignName, CampaignSpec, Invalid, Preset, SpecFileError, Text, TomlError, read_toml, text,
 };
@@ -173,7 +173,7 @@ fn axes(messages: &[AxisMessage]) -> Result<Vec<Axis>, Invalid> {
         let mut values = Vec::new();
         for value in &message.values {
             let value = text::name("axes.values.name", &value.name, NAME_CHARS[1])?;
-            if message.about.is_none() && to_cell(&value) != value {
+            if message.about.is_none() && is_formula(&value) {
                 let allowed =
                     "a text that no spreadsheet takes for a formula: not with = + - @ at its beginning";
                 return Err(Invalid::new("axes.values.name", text::quoted(&value), allowed));

@@ -2,7 +2,7 @@
 //! are ignored.
 
 use crate::Sighting;
-use murmuration_model::labels::{LabelFile, LabelFileError};
+use murmuration_model::csv_file::{CsvError, CsvFile};
 use murmuration_swarm::{CapabilityModel, Invalid, Species, counted, text::quoted};
 use std::{
     collections::BTreeMap,
@@ -25,7 +25,7 @@ pub struct Tracks {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TracksError {
     #[error(transparent)]
-    File(#[from] LabelFileError),
+    File(#[from] CsvError),
     #[error("{}: there are no rows below the names of the columns", .0.display())]
     Empty(PathBuf),
     #[error("{}: the frames last less than one step, and a motion has one at least", .0.display())]
@@ -66,11 +66,12 @@ impl Tracks {
     /// Names line and column of the first invalid cell. It is also an error if there is no row, if a robot is in a frame twice,
     /// or if a robot has two species.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
-        let file = LabelFile::with_columns(&["frame", "robot", "x", "y"], path, text)?;
+        let file = CsvFile::open(path, text.as_slice(), &["frame", "robot", "x", "y"])?;
         let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
         let mut species: BTreeMap<u32, String> = BTreeMap::new();
         let mut frames: Option<[u32; 2]> = None;
-        for row in file.rows() {
+        for row in file {
+            let row = row?;
             let (frame, robot) = (row.whole("frame")?, row.whole("robot")?);
             let sighting = Sighting {
                 at: [row.finite("x")?, row.finite("y")?],

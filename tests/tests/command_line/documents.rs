@@ -27,7 +27,7 @@ const LONG: &str = "it takes half an hour and more";
 const NO_TRAINING_LABELS: &str = "the labels for training are not in the repository";
 
 /// A shell command that writes a table of labels.
-const ANSWERS: &str = "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv";
+const ANSWERS: &str = "printf 'index,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv";
 
 /// A shell command that writes a table of controllers.
 pub const CONTROLLERS: &str =

@@ -26,7 +26,7 @@ impl Place {
         place.done(&["run", &path.display().to_string()]);
         fs::write(
             place.path("mine.csv"),
-            "id,class\n0,ring\n1,\"=clump, or ring\"\n3,not sure\n",
+            "index,class\n0,ring\n1,\"=clump, or ring\"\n3,not sure\n",
         )
         .unwrap();
         place.done(&[

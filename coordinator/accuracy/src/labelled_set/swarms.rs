@@ -2,7 +2,8 @@
 
 use super::{Behaviour, LabelledSet, Row};
 use murmuration_files::{InputKind, read_bytes};
-use murmuration_model::labels::{LabelFile, LabelFileError};
+use murmuration_model::csv_file::{CsvError, CsvFile};
+use murmuration_model::labels::LabelFileError;
 use murmuration_sim::simulate::Start;
 use murmuration_swarm::{Controller, World};
 use std::{collections::HashMap, path::Path};
@@ -51,19 +52,19 @@ impl LabelledSet {
 
     /// The controller of each behaviour, in the file's order, read from the columns that [`LabelledSet::swarms`] reads.
     pub fn controllers(&self) -> Result<Vec<Controller>, LabelFileError> {
-        self.rows().map(|(_, row)| row.controller()).collect()
+        self.rows().map(|(_, row)| Ok(row.controller()?)).collect()
     }
 }
 
 /// The poses of each behaviour's agents, by id.
-fn read_starts(path: &Path) -> Result<HashMap<String, Vec<[f64; 3]>>, LabelFileError> {
-    let text = read_bytes(path, InputKind::Starts).map_err(|error| LabelFileError::Unreadable {
+fn read_starts(path: &Path) -> Result<HashMap<String, Vec<[f64; 3]>>, CsvError> {
+    let text = read_bytes(path, InputKind::Starts).map_err(|error| CsvError::Unreadable {
         path: path.to_owned(),
         error: error.to_string(),
     })?;
-    let file = LabelFile::with_columns(&START, path, text)?;
     let mut starts: HashMap<String, Vec<[f64; 3]>> = HashMap::new();
-    for row in file.rows() {
+    for row in CsvFile::open(path, text.as_slice(), &START)? {
+        let row = row?;
         let poses = starts.entry(row.cell("id").to_owned()).or_default();
         if row.cell("agent") != poses.len().to_string() {
             return Err(row.refuse("agent", "the number of the next agent"));

@@ -1,17 +1,31 @@
-//! Text in the cells of CSV files, written so that no spreadsheet takes it for a formula, and read back unchanged.
+//! Text in the cells of CSV files, written so that no spreadsheet takes it for a formula and no reader for something else, and read
+//! back unchanged.
 //!
 //! Spreadsheets compute text that begins like a formula, and formulas can call programs and remote addresses. Annotators choose
-//! the names of classes. So text that begins like a formula gets an apostrophe in front, which marks text in spreadsheets.
+//! the names of classes. So text that begins like a formula gets an apostrophe in front, which marks text in spreadsheets. So does
+//! text that begins like JSON, and a word that other tools write where they have no value.
 
+use crate::csv_file::is_no_value;
 use std::borrow::Cow;
 
 const MARK: char = '\'';
-/// Text that begins with one of these characters gets the mark: the first characters of formulas, some also in their wide forms,
-/// and the mark itself. So text that begins with the mark reads back unchanged.
-const MARKED: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
+/// The first characters of formulas, some also in their wide forms, and the mark itself: so text that begins with the mark reads
+/// back unchanged.
+const FORMULAS: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠', MARK];
+/// The first characters of JSON.
+const JSON: [char; 2] = ['{', '['];
+
+/// Whether a spreadsheet takes the text for a formula.
+pub fn is_formula(text: &str) -> bool {
+    text.starts_with(FORMULAS)
+}
+
+fn is_marked(text: &str) -> bool {
+    is_formula(text) || text.starts_with(JSON) || (is_no_value(text) && !text.is_empty())
+}
 
 pub fn to_cell(text: &str) -> Cow<'_, str> {
-    match text.starts_with(MARKED) {
+    match is_marked(text) {
         true => format!("{MARK}{text}").into(),
         false => text.into(),
     }
@@ -20,7 +34,7 @@ pub fn to_cell(text: &str) -> Cow<'_, str> {
 /// The text of a cell. An apostrophe that marks no formula is part of the text.
 pub fn of_cell(cell: &str) -> &str {
     match cell.strip_prefix(MARK) {
-        Some(text) if text.starts_with(MARKED) => text,
+        Some(text) if is_marked(text) => text,
         _ => cell,
     }
 }
@@ -42,6 +56,8 @@ mod tests {
             ("@SUM(1)", "'@SUM(1)"),
             ("＝1", "'＝1"),
             ("'=1", "''=1"),
+            ("None", "'None"),
+            ("[1]", "'[1]"),
             ("ring", "ring"),
             ("a=b", "a=b"),
             ("", ""),
@@ -55,7 +71,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_reads_back(text in "['=+@-]{0,3}\\PC{0,4}") {
+        fn what_is_written_reads_back(text in "['=+@-]{0,3}\\PC{0,4}|'?(nan|null|NA|none)") {
             let cell = to_cell(&text);
             prop_assert_eq!(of_cell(&cell), text.as_str());
             prop_assert!(!cell.starts_with(['=', '+', '-', '@']));

@@ -7,20 +7,18 @@ use super::{
     Annotator, Answer, LabelFileError,
     columns::{ANGLE, FIRST_SPEEDS, IMAGE, INDEX, SET_ANGLE, SET_INDEX, SET_SPEED, WORLD, set_genes},
     of_cell,
-    quotes::unclosed,
 };
-use crate::Timestamp;
-use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
+use crate::{
+    Timestamp,
+    csv_file::{ColumnNames, CsvError, CsvFile, CsvRow, Header, is_no_value, without_zeros},
+};
 use murmuration_proto::v1;
 use murmuration_swarm::{
-    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
-    of_toml_line, text::quoted,
+    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Preset, World, of_toml_line,
+    text::quoted,
 };
 use serde::de::DeserializeOwned;
-use std::{
-    path::{Path, PathBuf},
-    str::FromStr,
-};
+use std::{cmp::Ordering, collections::BTreeMap, ops::Deref, path::Path, sync::Arc};
 
 /// Column of the robots, if they are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
@@ -28,16 +26,32 @@ pub(super) const ROBOTS: &str = "robots";
 /// A file of labels, split into cells; only its header has been interpreted.
 #[derive(Debug, Clone)]
 pub struct LabelFile {
-    path: PathBuf,
-    text: Vec<u8>,
-    columns: StringRecord,
-    rows: Vec<StringRecord>,
+    header: Arc<Header>,
+    rows: Vec<CsvRow>,
 }
 
+/// The newest row of a behaviour and an annotator.
+#[derive(Debug)]
+pub struct Newest<'a, A> {
+    /// Place of the row in the file, from 0.
+    pub place: usize,
+    pub row: Row<'a>,
+    pub answer: Answer,
+    pub annotator: A,
+    /// Time of the answer, milliseconds since 1970-01-01 UTC; 0 if the row has no time.
+    pub time_ms: u64,
+}
+
+/// A row of a file of labels, or of a file with the same columns of controllers and seeds.
 #[derive(Debug, Clone, Copy)]
-pub struct Row<'a> {
-    file: &'a LabelFile,
-    cells: &'a StringRecord,
+pub struct Row<'a>(pub &'a CsvRow);
+
+impl Deref for Row<'_> {
+    type Target = CsvRow;
+
+    fn deref(&self) -> &CsvRow {
+        self.0
+    }
 }
 
 impl LabelFile {
@@ -45,184 +59,169 @@ impl LabelFile {
     ///
     /// # Errors
     /// If the text is not CSV, or the column `index` (or `id`) or `class` is missing or repeated.
-    pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
-        let file = Self::with_columns(&[], path, text)?;
-        for column in [file.behaviour_column(), "class"] {
-            file.need(column)?;
-        }
+    pub fn parse(path: &Path, text: &[u8]) -> Result<Self, CsvError> {
+        let file = Self::read(path, text, ColumnNames::default())?;
+        file.need_classes()?;
         Ok(file)
+    }
+
+    /// Parses the text of the file at `path`, which may lack the column `class`. `names` has the names of the columns in the file.
+    ///
+    /// # Errors
+    /// If the text is not CSV, or the column `index` (or `id`) is missing or repeated.
+    pub(super) fn read(path: &Path, text: &[u8], names: ColumnNames) -> Result<Self, CsvError> {
+        let file = CsvFile::open_named(path, text, &[], names)?;
+        let header = file.header().clone();
+        header.need(behaviour_column(&header))?;
+        let rows = file.collect::<Result<_, _>>()?;
+        Ok(Self { header, rows })
+    }
+
+    /// Checks that the file has a column `class`.
+    ///
+    /// # Errors
+    /// If the column is missing or repeated.
+    pub(super) fn need_classes(&self) -> Result<(), CsvError> {
+        self.header.need("class")
+    }
+
+    /// The names of the columns in the file.
+    pub(super) fn columns(&self) -> String {
+        self.header.columns().collect::<Vec<_>>().join(", ")
     }
 
     /// The column that identifies a row's behaviour: `index`, or else `id`.
     pub(crate) fn behaviour_column(&self) -> &'static str {
-        match !self.has(INDEX) && self.has(SET_INDEX) {
-            true => SET_INDEX,
-            false => INDEX,
-        }
-    }
-
-    /// Parses the text of a file that must have the columns `needed`.
-    ///
-    /// # Errors
-    /// If the text is not CSV, or a needed column is missing or repeated.
-    pub fn with_columns(needed: &[&str], path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
-        let mut file = Self {
-            path: path.to_owned(),
-            text,
-            columns: StringRecord::new(),
-            rows: Vec::new(),
-        };
-        let (columns, rows) = file.take_apart()?;
-        (file.columns, file.rows) = (columns, rows);
-        for column in needed {
-            file.need(column)?;
-        }
-        Ok(file)
-    }
-
-    fn take_apart(&self) -> Result<(StringRecord, Vec<StringRecord>), LabelFileError> {
-        let mut reader = ReaderBuilder::new()
-            .trim(Trim::All)
-            .from_reader(self.text.as_slice());
-        if let Some(line) = unclosed(&self.text) {
-            let path = self.path.clone();
-            return Err(LabelFileError::Quote { path, line });
-        }
-        let not_csv = |error: csv::Error| self.not_csv(&error);
-        let columns = reader.headers().map_err(not_csv)?.clone();
-        if let Some(separator) = other_separator(&columns) {
-            let path = self.path.clone();
-            return Err(LabelFileError::Separator { path, separator });
-        }
-        let rows = reader.into_records().collect::<Result<_, _>>().map_err(not_csv)?;
-        Ok((columns, rows))
+        behaviour_column(&self.header)
     }
 
     pub fn path(&self) -> &Path {
-        &self.path
+        self.header.path()
     }
 
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.rows.iter().map(|cells| Row { file: self, cells })
+        self.rows.iter().map(Row)
     }
 
     /// A row by its place, from 0.
     pub fn row(&self, place: usize) -> Option<Row<'_>> {
-        let cells = self.rows.get(place)?;
-        Some(Row { file: self, cells })
+        self.rows.get(place).map(Row)
     }
 
     pub fn has(&self, column: &str) -> bool {
-        self.columns.iter().any(|name| name == column)
+        self.header.has(column)
+    }
+
+    /// Whether a column `id` identifies the individuals, and nothing shows that it has their indices. Other tools number their tasks
+    /// in a column of this name.
+    pub(super) fn has_only_ids(&self) -> bool {
+        let is_gene = |column: &str| {
+            ["left_", "right_", "speed_", "turn_"]
+                .iter()
+                .any(|name| column.contains(name))
+        };
+        self.behaviour_column() == SET_INDEX
+            && !self.header.is_renamed(SET_INDEX)
+            && !self.has("seed")
+            && !self.has_controllers()
+            && !self.header.columns().any(is_gene)
+    }
+
+    /// Of each behaviour and annotator, the newest row with an answer, in the order of their first rows. `annotator` gives the
+    /// annotator of a row.
+    ///
+    /// # Errors
+    /// If a row is not valid, or two rows have different answers and no times that tell which is newer.
+    pub fn newest<A: Ord + Clone>(
+        &self,
+        annotator: impl Fn(Row<'_>) -> Result<A, CsvError>,
+    ) -> Result<Vec<Newest<'_, A>>, LabelFileError> {
+        let mut newest: Vec<Newest<'_, A>> = Vec::new();
+        let mut places: BTreeMap<(&str, A), usize> = BTreeMap::new();
+        for (place, row) in self.rows().enumerate() {
+            let Some(answer) = row.answer()? else { continue };
+            let own = Newest {
+                place,
+                row,
+                answer,
+                annotator: annotator(row)?,
+                time_ms: row.time_ms()?,
+            };
+            let key = (row.behaviour(), own.annotator.clone());
+            let Some(&place) = places.get(&key) else {
+                places.insert(key, newest.len());
+                newest.push(own);
+                continue;
+            };
+            let before = &mut newest[place];
+            let has_times = before.time_ms > 0 && own.time_ms > 0;
+            match own.time_ms.cmp(&before.time_ms) {
+                Ordering::Greater if has_times => *before = own,
+                Ordering::Less if has_times => {}
+                _ if before.answer == own.answer => {}
+                _ => {
+                    return Err(LabelFileError::Twice {
+                        path: self.path().to_owned(),
+                        lines: [before.row.line(), row.line()],
+                        behaviour: row.behaviour().to_owned(),
+                    });
+                }
+            }
+        }
+        Ok(newest)
     }
 
     /// Whether the file has controllers: of the paper's robots, or of robots that a column names.
     pub fn has_controllers(&self) -> bool {
         self.has(ROBOTS) || FIRST_SPEEDS.iter().any(|column| self.has(column))
     }
-
-    /// The place of a required column.
-    fn need(&self, column: &str) -> Result<usize, LabelFileError> {
-        let mut places = self
-            .columns
-            .iter()
-            .enumerate()
-            .filter(|(_, name)| *name == column);
-        let problem = match (places.next(), places.next()) {
-            (Some((place, _)), None) => return Ok(place),
-            (None, _) => "there is no",
-            (Some(_), Some(_)) => "there is more than one",
-        };
-        Err(LabelFileError::Column {
-            path: self.path.clone(),
-            column: column.to_owned(),
-            problem,
-            columns: self.columns.iter().collect::<Vec<_>>().join(", "),
-        })
-    }
-
-    fn not_csv(&self, error: &csv::Error) -> LabelFileError {
-        let path = self.path.clone();
-        match error.kind() {
-            ErrorKind::UnequalLengths {
-                pos: Some(position),
-                expected_len,
-                len,
-            } => LabelFileError::Uneven {
-                path,
-                line: self.line(position.byte()),
-                cells: counted(*len, "cell"),
-                columns: counted(*expected_len, "column"),
-            },
-            _ => LabelFileError::Unreadable {
-                path,
-                error: error.to_string(),
-            },
-        }
-    }
-
-    /// The line number of the row at `byte`, after any empty lines at `byte`.
-    fn line(&self, byte: u64) -> usize {
-        let (before, rest) = self.text.split_at((byte as usize).min(self.text.len()));
-        let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
-        1 + before
-            .iter()
-            .chain(empty)
-            .filter(|&&character| character == b'\n')
-            .count()
-    }
 }
 
-/// The separator of the columns, if it is not a comma.
-fn other_separator(columns: &StringRecord) -> Option<&'static str> {
-    let only = columns.get(0).filter(|_| columns.len() == 1)?;
-    let others = [(';', "semicolons"), ('\t', "tabs")];
-    let other = others.into_iter().find(|(mark, _)| only.contains(*mark));
-    other.map(|(_, name)| name)
+/// The number at the end of the name of a picture's file, such as 3 of `/data/upload/1/ab12cd34-00003.png`.
+fn number_of_picture(cell: &str) -> Option<u64> {
+    let name = cell.rsplit(['/', '\\']).next()?;
+    let (stem, end) = name.rsplit_once('.')?;
+    let is_picture = ["png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "svg"]
+        .iter()
+        .any(|known| end.eq_ignore_ascii_case(known));
+    let word = stem.trim_end_matches(|letter: char| letter.is_ascii_digit());
+    stem[word.len()..].parse().ok().filter(|_| is_picture)
+}
+
+fn behaviour_column(header: &Header) -> &'static str {
+    match !header.has(INDEX) && header.has(SET_INDEX) {
+        true => SET_INDEX,
+        false => INDEX,
+    }
 }
 
 impl<'a> Row<'a> {
-    /// The cell of a column; empty if the column is missing.
+    /// The cell of a column, without spaces around it; empty if the column is missing.
     pub fn cell(&self, column: &str) -> &'a str {
-        let place = self.file.columns.iter().position(|name| name == column);
-        place.and_then(|place| self.cells.get(place)).unwrap_or_default()
-    }
-
-    pub fn refused(&self, error: Invalid) -> LabelFileError {
-        LabelFileError::Cell {
-            path: self.file.path.clone(),
-            line: self
-                .file
-                .line(self.cells.position().map_or(0, csv::Position::byte)),
-            error,
-        }
-    }
-
-    /// An error about a cell of the row. `allowed` describes the allowed values.
-    pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
-        self.refused(match self.cell(column) {
-            "" => Invalid::missing(column, allowed),
-            text => Invalid::new(column, quoted(text), allowed),
-        })
+        self.0.cell(column)
     }
 
     /// The text that identifies the row's behaviour; empty if the row has none.
     pub fn behaviour(&self) -> &'a str {
-        self.cell(self.file.behaviour_column())
+        without_zeros(self.cell(behaviour_column(self.header())))
     }
 
     /// An error about the text that identifies the row's behaviour. `allowed` describes the allowed values.
-    pub fn refuse_behaviour(&self, allowed: &str) -> LabelFileError {
-        self.refuse(self.file.behaviour_column(), allowed)
+    pub fn refuse_behaviour(&self, allowed: &str) -> CsvError {
+        self.refuse(behaviour_column(self.header()), allowed)
     }
 
-    /// The row's answer; `None` if the cell of the class is empty.
+    /// The row's answer; `None` if the cell of the class has no value.
     ///
     /// # Errors
-    /// If the class is not a valid name.
-    pub fn answer(&self) -> Result<Option<Answer>, LabelFileError> {
+    /// If the class is not a valid name, or the cell has JSON, as some tools write for several choices.
+    pub fn answer(&self) -> Result<Option<Answer>, CsvError> {
         match self.cell("class") {
-            "" => Ok(None),
+            class if is_no_value(class) => Ok(None),
+            json if json.starts_with(['{', '[']) => {
+                let allowed = "one class; the cell has JSON, as some tools write for several choices: keep one choice in each row";
+                Err(self.refuse("class", allowed))
+            }
             class => {
                 let answer = of_cell(class).parse();
                 answer.map(Some).map_err(|error| self.refused(error))
@@ -234,7 +233,7 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// If the row has no annotator and `otherwise` is `None`, or the name is invalid.
-    pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, LabelFileError> {
+    pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, CsvError> {
         match (self.cell("annotator"), otherwise) {
             ("", Some(annotator)) => Ok(annotator.clone()),
             ("", None) => Err(self.refuse("annotator", "a name, in this column or with --annotator")),
@@ -251,31 +250,52 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// If the cell is not a time in RFC 3339.
-    pub fn time_ms(&self) -> Result<u64, LabelFileError> {
+    pub fn time_ms(&self) -> Result<u64, CsvError> {
         let time = self.given("time", "a time such as 2026-11-21T12:00:00Z")?;
         Ok(time.map_or(0, Timestamp::ms))
     }
 
-    /// Index of the individual in its campaign's archive.
+    /// The number at the end of the name of the row's picture.
+    pub(super) fn picture(&self) -> Option<u64> {
+        number_of_picture(self.cell(IMAGE))
+    }
+
+    /// Index of the individual in its campaign's archive. If the column has another name in the file, it can have names of pictures
+    /// that end with the index.
     ///
     /// # Errors
-    /// If the cell is not a whole number.
-    pub fn index(&self) -> Result<u64, LabelFileError> {
-        self.needed(self.file.behaviour_column(), "a whole number")
+    /// If the cell is not a whole number, or the name of the row's picture ends with another number.
+    pub fn index(&self) -> Result<u64, CsvError> {
+        let column = behaviour_column(self.header());
+        let pictured = number_of_picture(self.cell(column)).filter(|_| self.header().is_renamed(column));
+        let index = match pictured {
+            Some(index) => index,
+            None => self.whole_number(column, "a whole number")?,
+        };
+        match self.picture() {
+            Some(other) if other != index => {
+                let allowed = format!(
+                    "{other}, the number in the name of the picture {}",
+                    quoted(self.cell(IMAGE))
+                );
+                Err(self.refuse(column, &allowed))
+            }
+            _ => Ok(index),
+        }
     }
 
     /// The seed of the behaviour's start.
     ///
     /// # Errors
     /// If the row has no seed, or the seed is not a whole number.
-    pub fn seed(&self) -> Result<u64, LabelFileError> {
-        self.needed("seed", "a whole number")
+    pub fn seed(&self) -> Result<u64, CsvError> {
+        self.whole_number("seed", "a whole number")
     }
 
     /// The capability model in the column `robots`, which may be missing if the robots are the paper's.
-    fn model(&self) -> Result<CapabilityModel, LabelFileError> {
+    fn model(&self) -> Result<CapabilityModel, CsvError> {
         let world = self.world()?;
-        let has_angle = self.file.has(ANGLE) || self.file.has(SET_ANGLE);
+        let has_angle = self.header().has(ANGLE) || self.header().has(SET_ANGLE);
         let model = match (self.cell(ROBOTS), has_angle) {
             ("", false) => world.robots_of(Preset::SingleSensor),
             ("", true) => world.robots_of(Preset::TwoSensor),
@@ -289,26 +309,26 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// If a column is missing, or a gene is not a number or out of range.
-    pub fn controller(&self) -> Result<Controller, LabelFileError> {
+    pub fn controller(&self) -> Result<Controller, CsvError> {
         self.controller_of(self.model()?)
     }
 
     /// The row's controller, with the robots that the file names, or else with the `campaign`'s robots.
-    pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
-        let names_robots = self.file.has(ROBOTS) || self.file.has(SET_SPEED);
+    pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, CsvError> {
+        let names_robots = self.header().has(ROBOTS) || self.header().has(SET_SPEED);
         self.controller_of(match names_robots {
             true => self.model()?,
             false => campaign.clone(),
         })
     }
 
-    fn controller_of(&self, model: CapabilityModel) -> Result<Controller, LabelFileError> {
+    fn controller_of(&self, model: CapabilityModel) -> Result<Controller, CsvError> {
         let (names, in_sets) = (model.gene_names(), set_genes(&model));
-        let columns: Vec<&str> = match in_sets.first().is_some_and(|first| self.file.has(first)) {
+        let columns: Vec<&str> = match in_sets.first().is_some_and(|first| self.header().has(first)) {
             true => in_sets.to_vec(),
             false => names.iter().map(String::as_str).collect(),
         };
-        let genes = columns.iter().map(|name| self.needed(name, "a number"));
+        let genes = columns.iter().map(|name| self.finite(name));
         let genes = genes.collect::<Result<Vec<f64>, _>>()?;
         Controller::new(model, &genes).map_err(|error| self.refused(error))
     }
@@ -317,7 +337,7 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// If a column is missing, or a value is not a finite number.
-    pub fn features(&self) -> Result<Features, LabelFileError> {
+    pub fn features(&self) -> Result<Features, CsvError> {
         let mut features = [0.0_f64; FEATURE_NAMES.len()];
         for (feature, name) in features.iter_mut().zip(FEATURE_NAMES) {
             *feature = self.finite(name)?;
@@ -325,31 +345,11 @@ impl<'a> Row<'a> {
         Ok(features)
     }
 
-    /// The whole number in a column.
-    ///
-    /// # Errors
-    /// If the column is missing, or its value is not a whole number.
-    pub fn whole(&self, column: &str) -> Result<u32, LabelFileError> {
-        self.needed(column, "a whole number from 0 to 4294967295")
-    }
-
-    /// The finite number in a column.
-    ///
-    /// # Errors
-    /// If the column is missing, or its value is not a finite number.
-    pub fn finite(&self, column: &str) -> Result<f64, LabelFileError> {
-        let number: f64 = self.needed(column, "a finite number")?;
-        match number.is_finite() {
-            true => Ok(number),
-            false => Err(self.refuse(column, "a finite number")),
-        }
-    }
-
     /// The world of the simulation. Fields that are not in the row have the paper's values.
     ///
     /// # Errors
     /// If a value is out of range.
-    pub fn world(&self) -> Result<World, LabelFileError> {
+    pub fn world(&self) -> Result<World, CsvError> {
         let mut world: v1::World = self.table(WORLD, "{ horizon = 600 }")?;
         // If the row has robots, the defaults of their number and size come from these robots.
         if !self.cell(ROBOTS).is_empty() {
@@ -365,33 +365,16 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// If a value is out of range.
-    pub fn image_format(
-        &self,
-        world: &World,
-        model: &CapabilityModel,
-    ) -> Result<ImageFormat, LabelFileError> {
+    pub fn image_format(&self, world: &World, model: &CapabilityModel) -> Result<ImageFormat, CsvError> {
         let format = self.table(IMAGE, "{ resolution = 100 }")?;
         ImageFormat::for_swarm(format, world, model).map_err(|error| self.refused(error))
     }
 
     /// The TOML table in a cell, such as `example`. An empty cell or a missing column gives a table without fields.
-    fn table<T: DeserializeOwned + Default>(&self, column: &str, example: &str) -> Result<T, LabelFileError> {
+    fn table<T: DeserializeOwned + Default>(&self, column: &str, example: &str) -> Result<T, CsvError> {
         match self.cell(column) {
             "" => Ok(T::default()),
             line => of_toml_line(column, line, example).map_err(|error| self.refused(error)),
-        }
-    }
-
-    fn needed<T: FromStr>(&self, column: &str, allowed: &str) -> Result<T, LabelFileError> {
-        self.file.need(column)?;
-        let given = self.given(column, allowed)?;
-        given.ok_or_else(|| self.refuse(column, allowed))
-    }
-
-    fn given<T: FromStr>(&self, column: &str, allowed: &str) -> Result<Option<T>, LabelFileError> {
-        match self.cell(column) {
-            "" => Ok(None),
-            text => text.parse().map(Some).map_err(|_| self.refuse(column, allowed)),
         }
     }
 }

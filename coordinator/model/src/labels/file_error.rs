@@ -1,38 +1,33 @@
 //! Errors in files of labels.
 
-use murmuration_swarm::{Invalid, Text, counted};
+use crate::csv_file::CsvError;
+use murmuration_swarm::{Text, counted};
 use std::path::PathBuf;
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelFileError {
-    #[error("{}: {error}", path.display())]
-    Unreadable { path: PathBuf, error: String },
-    #[error("{}, line 1: {problem} column {column:?}; its columns are {columns}", path.display())]
-    Column {
+    #[error(transparent)]
+    Csv(#[from] CsvError),
+    #[error(
+        "{}, lines {} and {}: one annotator has two answers about {behaviour}, and no times tell which is newer", path.display(),
+        lines[0], lines[1]
+    )]
+    Twice {
         path: PathBuf,
-        column: String,
-        /// The text `there is no` or `there is more than one`.
-        problem: &'static str,
-        columns: String,
+        lines: [u64; 2],
+        /// The behaviour, as the file identifies it.
+        behaviour: String,
     },
-    #[error("{}, line {line}: the row has {cells}, the header {columns}", path.display())]
-    Uneven {
+    #[error(
+        "{}, line 1: the column \"id\" may have the numbers of another tool: nothing beside it shows that these are indices of \
+         individuals (its columns are {columns}). --columns index=NAME names the column of the indices{}", path.display(),
+        picture_column(*has_pictures)
+    )]
+    OnlyIds {
         path: PathBuf,
-        line: usize,
-        cells: String,
-        /// Number of columns in the header, in words.
         columns: String,
-    },
-    #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
-    Separator { path: PathBuf, separator: &'static str },
-    #[error("{}, line {line}: a cell begins with a quote but does not end with one", path.display())]
-    Quote { path: PathBuf, line: usize },
-    #[error("{}, line {line}: {error}", path.display())]
-    Cell {
-        path: PathBuf,
-        line: usize,
-        /// The column, its value, and the allowed values.
-        error: Invalid,
+        /// Whether the names of pictures in the column `image` end with numbers.
+        has_pictures: bool,
     },
     #[error("{}: no row has a class", .0.display())]
     NoClass(PathBuf),
@@ -47,4 +42,11 @@ pub enum LabelFileError {
     // The image's name comes from a cell of the table, and may contain line ends.
     #[error("{}: {problem}", Text::line(&image.to_string_lossy()))]
     Image { image: PathBuf, problem: String },
+}
+
+fn picture_column(has_pictures: bool) -> &'static str {
+    match has_pictures {
+        true => "; --columns index=image takes the numbers at the ends of the pictures' names",
+        false => "",
+    }
 }

@@ -17,16 +17,15 @@ mod log;
 mod messages;
 mod names;
 mod near;
-mod quotes;
 mod shortcut;
 mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
-pub use cells::{of_cell, to_cell};
+pub use cells::{is_formula, of_cell, to_cell};
 pub use classes::class_numbers;
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, LabelDigest, Labels};
-pub use file::{LabelFile, Row};
+pub use file::{LabelFile, Newest, Row};
 pub use file_error::LabelFileError;
 pub use given::{GivenClass, given_classes};
 pub use log::{Action, Change, Entry, Label, Refusal};

@@ -1,5 +1,7 @@
 //! Texts of annotators: names of classes, annotators and requests, answers, colours.
 
+use icu_casemap::CaseMapper;
+use icu_normalizer::{ComposingNormalizer, DecomposingNormalizer};
 use murmuration_swarm::{
     Class, Invalid,
     text::{name, quoted},
@@ -14,8 +16,8 @@ const MAX_CHARS: usize = 64;
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassName(String);
 
-/// Identifies a class: names that differ only in case, or in the separators of their words (spaces, hyphens, underscores), mean
-/// the same class.
+/// Identifies a class: names that differ only in case (`Straße` and `STRASSE`), in the Unicode form of their letters, or in the
+/// separators of their words (spaces, hyphens, underscores), mean the same class.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassKey(String);
 
@@ -44,18 +46,22 @@ pub enum Answer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour([u8; 3]);
 
-/// `text` in lower case, with `_` between its words.
+/// `text` with `_` between its words, in one form for all texts that differ only in case or in the Unicode form of their letters
+/// (canonical caseless matching, Unicode's definition D145).
 fn folded(text: &str) -> String {
     let words = text.split(|letter: char| letter.is_whitespace() || letter == '-' || letter == '_');
-    let words: Vec<String> = words
-        .filter(|word| !word.is_empty())
-        .map(str::to_lowercase)
-        .collect();
-    match words.is_empty() {
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    let joined = match words.is_empty() {
         // The text consists of separators only.
         true => text.to_owned(),
         false => words.join("_"),
+    };
+    if joined.is_ascii() {
+        return joined.to_ascii_lowercase();
     }
+    let decomposed = DecomposingNormalizer::new_nfd().normalize(&joined);
+    let folded = CaseMapper::new().fold_string(&decomposed);
+    ComposingNormalizer::new_nfc().normalize(&folded).into_owned()
 }
 
 macro_rules! names {
@@ -307,6 +313,17 @@ mod tests {
             assert_eq!(bad.parse::<Annotator>().unwrap_err().field, "annotator");
             assert_eq!(bad.parse::<RequestId>().unwrap_err().field, "request_id");
         }
+    }
+
+    #[test]
+    fn names_in_other_forms_of_unicode_are_one_class() {
+        let key = |name: &str| name.parse::<ClassName>().unwrap().key();
+        // Composed and decomposed, with one letter or two.
+        assert_eq!(key("M\u{fc}hle"), key("Mu\u{308}hle"));
+        assert_eq!(key("Stra\u{df}e"), key("STRASSE"));
+        assert_eq!(key("\u{3a3}\u{391}\u{3a3}"), key("\u{3c3}\u{3b1}\u{3c2}"));
+        assert_eq!(key("Wall-Following"), key("wall following"));
+        assert_ne!(key("Mühle"), key("Muhle"));
     }
 
     #[test]

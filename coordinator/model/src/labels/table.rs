@@ -8,12 +8,18 @@ use super::{
     file::{ROBOTS, Row},
     to_cell,
 };
-use crate::Timestamp;
+use crate::{
+    Timestamp,
+    csv_file::{ColumnNames, CsvError},
+};
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, Invalid, Preset, counted};
 use std::path::Path;
 
 pub const ANSWER_COLUMNS: [&str; 4] = ["index", "class", "annotator", "time"];
+
+/// The columns that can have other names in the files of other tools.
+const NAMED_COLUMNS: [&str; 5] = ["index", "class", "annotator", "time", "seed"];
 
 /// A file of answers, parsed and checked.
 #[derive(Debug)]
@@ -36,18 +42,38 @@ impl Table {
     ///
     /// # Errors
     /// If the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
-    pub fn parse(path: &Path, text: Vec<u8>, annotator: Option<&Annotator>) -> Result<Self, LabelFileError> {
-        let file = LabelFile::parse(path, text)?;
+    pub fn parse(path: &Path, text: &[u8], annotator: Option<&Annotator>) -> Result<Self, LabelFileError> {
+        Self::parse_named(path, text, annotator, ColumnNames::default())
+    }
+
+    /// As [`Table::parse`], for a file whose columns have the names `names`.
+    ///
+    /// # Errors
+    /// As [`Table::parse`].
+    pub fn parse_named(
+        path: &Path,
+        text: &[u8],
+        annotator: Option<&Annotator>,
+        names: ColumnNames,
+    ) -> Result<Self, LabelFileError> {
+        names
+            .expect(&NAMED_COLUMNS)
+            .map_err(|error| CsvError::Unreadable {
+                path: path.to_owned(),
+                error: error.to_string(),
+            })?;
+        let file = LabelFile::read(path, text, names)?;
+        Self::refuse_ids(&file)?;
+        file.need_classes()?;
         let mut answers = Vec::new();
-        for (place, row) in file.rows().enumerate() {
-            let Some(answer) = row.answer()? else { continue };
+        for newest in file.newest(|row| row.annotator(annotator))? {
             let answer = v1::Answer {
-                index: row.index()?,
-                answer: answer.to_string(),
-                annotator: row.annotator(annotator)?.to_string(),
-                time_ms: row.time_ms()?,
+                index: newest.row.index()?,
+                answer: newest.answer.to_string(),
+                annotator: newest.annotator.to_string(),
+                time_ms: newest.time_ms,
             };
-            answers.push((place, answer));
+            answers.push((newest.place, answer));
         }
         if answers.is_empty() {
             return Err(LabelFileError::NoClass(path.to_owned()));
@@ -65,6 +91,21 @@ impl Table {
             format!("the index of one of the {individuals} in the archive of {campaign}")
         };
         self.check(|_, answer| Ok((answer.index >= len).then(&allowed)))
+    }
+
+    /// Refuses a file whose only hint at individuals is a column `id`, which other tools use for numbers of their own.
+    ///
+    /// # Errors
+    /// [`LabelFileError::OnlyIds`].
+    fn refuse_ids(file: &LabelFile) -> Result<(), LabelFileError> {
+        match file.has_only_ids() {
+            false => Ok(()),
+            true => Err(LabelFileError::OnlyIds {
+                path: file.path().to_owned(),
+                columns: file.columns(),
+                has_pictures: file.rows().any(|row| row.picture().is_some()),
+            }),
+        }
     }
 
     /// Whether the file identifies individuals of a campaign of `model` by more than their indices.
@@ -93,15 +134,24 @@ impl Table {
         let has_seed = self.file.has("seed");
         self.check(|row, answer| {
             let found = individual(answer.index);
+            let is_rounded = has_seed && found.is_some_and(|found| is_rounded(row.cell("seed"), found.seed));
             let same = match found {
                 None => false,
                 Some(found) => {
                     (!has_controller || is_of(&row.controller_in(model)?, model, &found.controller))
+                        && !is_rounded
                         && (!has_seed || row.seed()? == found.seed)
                 }
             };
-            Ok((!same).then(|| {
-                format!("an individual of {campaign} with this controller and seed: the file belongs to another archive")
+            Ok((!same).then(|| match is_rounded {
+                true => format!(
+                    "an individual of {campaign} with the seed {}: a spreadsheet has rounded it; import the file with the column \
+                     seed as text, or leave this column out",
+                    row.cell("seed")
+                ),
+                false => {
+                    format!("an individual of {campaign} with this controller and seed: the file belongs to another archive")
+                }
             }))
         })
     }
@@ -116,7 +166,9 @@ impl Table {
                 continue;
             };
             if let Some(allowed) = objection(row, answer)? {
-                return Err(row.refused(Invalid::new(self.file.behaviour_column(), answer.index, allowed)));
+                return Err(row
+                    .refused(Invalid::new(self.file.behaviour_column(), answer.index, allowed))
+                    .into());
             }
         }
         Ok(())
@@ -124,6 +176,25 @@ impl Table {
 
     pub fn into_answers(self) -> Vec<v1::Answer> {
         self.answers.into_iter().map(|(_, answer)| answer).collect()
+    }
+}
+
+/// Whether `cell` has a seed as a spreadsheet rounds it: to 15 digits, or to a floating-point number.
+fn is_rounded(cell: &str, seed: u64) -> bool {
+    let digits = seed.to_string().len() as u32;
+    let unit = 10_u128.pow(digits.saturating_sub(15));
+    let decimal = (u128::from(seed) + unit / 2) / unit * unit;
+    let float = seed as f64;
+    // Tools write a float with all its digits, or with as many as tell it from others and then zeros.
+    let shortest = float.to_string().parse::<u128>().ok();
+    match cell.parse::<u128>() {
+        Ok(number) if number == u128::from(seed) => false,
+        Ok(number) => [decimal, float as u128].contains(&number) || shortest == Some(number),
+        // Shorter whole numbers are exact as floats.
+        Err(_) if digits < 16 => false,
+        Err(_) => cell
+            .parse::<f64>()
+            .is_ok_and(|number| [decimal as f64, float].contains(&number)),
     }
 }
 
@@ -185,8 +256,8 @@ mod tests {
 
     fn read_text(text: &str, annotator: Option<&str>) -> Result<Table, String> {
         let annotator = annotator.map(|name| name.parse::<Annotator>().unwrap());
-        let text = text.as_bytes().to_vec();
-        Table::parse(Path::new("labels.csv"), text, annotator.as_ref()).map_err(|error| error.to_string())
+        Table::parse(Path::new("labels.csv"), text.as_bytes(), annotator.as_ref())
+            .map_err(|error| error.to_string())
     }
 
     #[track_caller]
@@ -198,7 +269,7 @@ mod tests {
     #[test]
     fn rows_with_a_class_are_read_whatever_other_columns_there_are() {
         let table = read_text(
-            "x,class,id,annotator\n1,ring,7,ana\n2,,8,\n3,\"not sure\",9, \n",
+            "x,class,index,annotator\n1,ring,7,ana\n2,,8,\n3,\"not sure\",9.0, \n4,None,10,\n",
             Some("ben"),
         );
         let answers = table.unwrap().into_answers();
@@ -211,14 +282,14 @@ mod tests {
 
     #[test]
     fn a_bad_row_is_named() {
-        let head = "id,class,annotator,time\n1,ring,ana,1970-01-01T00:00:00.005Z\n";
+        let head = "index,class,annotator,time\n1,ring,ana,1970-01-01T00:00:00.005Z\n";
         check_refused(
             "index,class,annotator\n1,ring,ana\nx,ring,ana\n",
             "line 3: index = \"x\": must be a whole number",
         );
         check_refused(
-            &format!("{head}x,ring,ana,5\n"),
-            "line 3: id = \"x\": must be a whole number",
+            &format!("{head}x,ring,ana,\n"),
+            "line 3: index = \"x\": must be a whole number",
         );
         check_refused(&format!("{head}2,ring,,5\n"), "line 3: annotator is missing");
         check_refused(
@@ -235,12 +306,15 @@ mod tests {
         );
         check_refused(&format!("{head}\n2,\"a\nb\",ana,\n"), "line 4: class = \"a\\nb\"");
         check_refused(
-            "id,klass\n1,ring\n",
-            "line 1: there is no column \"class\"; its columns are id, klass",
+            "index,klass\n1,ring\n",
+            "line 1: there is no column \"class\"; its columns are index, klass",
         );
-        check_refused("id,class,id\n1,ring,2\n", "there is more than one column \"id\"");
+        check_refused(
+            "index,class,index\n1,ring,2\n",
+            "there is more than one column \"index\"",
+        );
         check_refused("class\nring\n", "there is no column \"index\"");
-        check_refused("id,class\n1,\n", "no row has a class");
+        check_refused("index,class\n1,\n", "no row has a class");
     }
 
     #[test]
@@ -272,10 +346,125 @@ mod tests {
             );
         }
         assert!(
-            !read_text("id,class,annotator\n3,ring,ana\n", None)
+            !read_text("index,class,annotator\n3,ring,ana\n", None)
                 .unwrap()
                 .describes(&Preset::SingleSensor.into())
         );
+    }
+
+    #[test]
+    fn a_column_of_ids_is_no_index_unless_a_seed_or_controller_shows_it() {
+        let ids = "id,class,annotator\n4,ring,ana\n";
+        check_refused(
+            ids,
+            "line 1: the column \"id\" may have the numbers of another tool: nothing beside it shows that these are indices of \
+             individuals (its columns are id, class, annotator). --columns index=NAME names the column of the indices",
+        );
+        let pictured = "id,choice,annotator,image\n4,ring,ana,/data/ab12cd34-00003.png\n";
+        check_refused(
+            pictured,
+            "; --columns index=image takes the numbers at the ends of the pictures' names",
+        );
+        let named = |text: &str, columns: &str| {
+            let table = Table::parse_named(
+                Path::new("t.csv"),
+                text.as_bytes(),
+                None,
+                columns.parse().unwrap(),
+            );
+            table
+                .map(|table| table.into_answers()[0].index)
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(named(ids, "index=id"), Ok(4));
+        assert_eq!(named(pictured, "index=image,class=choice"), Ok(3));
+        let other = named(pictured, "index=id,class=choice").unwrap_err();
+        assert!(
+            other.contains(
+                "id = \"4\": must be 3, the number in the name of the picture \"/data/ab12cd34-00003.png\""
+            ),
+            "{other}"
+        );
+        let unknown = named(ids, "x=id").unwrap_err();
+        assert!(unknown.contains("columns = \"x\""), "{unknown}");
+        // The format of a picture, as our own files have it, is no name.
+        let own = "index,class,annotator,image\n4,ring,ana,{ resolution = 100 }\n";
+        assert_eq!(named(own, "index=index"), Ok(4));
+    }
+
+    #[test]
+    fn of_two_answers_of_an_annotator_the_newer_counts_whatever_their_order() {
+        let [early, late] = ["2026-11-20T10:00:00Z", "2026-11-20T10:00:01Z"];
+        let answers = |rows: &[&str]| {
+            let text = format!("index,class,annotator,time\n{}\n", rows.join("\n"));
+            let answers = read_text(&text, None).map(Table::into_answers)?;
+            Ok(answers
+                .into_iter()
+                .map(|answer| answer.answer)
+                .collect::<Vec<_>>())
+        };
+        let (ring, clump) = (format!("3,ring,ana,{early}"), format!("3.0,clump,ana,{late}"));
+        for rows in [[ring.as_str(), clump.as_str()], [clump.as_str(), ring.as_str()]] {
+            assert_eq!(answers(&rows), Ok(vec!["clump".to_owned()]));
+        }
+        assert_eq!(answers(&[&ring, "3,clump,ben,", &ring]).unwrap().len(), 2);
+        for twice in [
+            ["3,ring,ana,", "3,clump,ana,"],
+            [&ring, &ring.replace("ring", "clump")],
+        ] {
+            let refused: Result<_, String> = answers(&twice);
+            assert_eq!(
+                refused.unwrap_err(),
+                "labels.csv, lines 2 and 3: one annotator has two answers about 3, and no times tell which is newer"
+            );
+        }
+    }
+
+    #[test]
+    fn words_of_other_tools_are_no_classes() {
+        for word in ["nan", "NA", "None", "null", "NaN", "<NA>"] {
+            check_refused(
+                &format!("index,class,annotator\n1,{word},ana\n"),
+                "no row has a class",
+            );
+        }
+        check_refused(
+            "index,class,annotator\n1,\"{\"\"choices\"\": [\"\"ring\"\", \"\"random\"\"]}\",ana\n",
+            "must be one class; the cell has JSON, as some tools write for several choices",
+        );
+    }
+
+    #[test]
+    fn a_seed_that_a_spreadsheet_has_rounded_is_called_rounded() {
+        let check = |seed: u64, cell: &str| {
+            let text = format!("index,class,annotator,seed\n3,ring,ana,{cell}\n");
+            let archived = v1::Individual {
+                seed,
+                ..v1::Individual::default()
+            };
+            let table = read_text(&text, None).unwrap();
+            let checked =
+                table.check_individuals("small-1", &Preset::SingleSensor.into(), |_| Some(&archived));
+            checked.map_err(|error| error.to_string())
+        };
+        let seed = 14_601_381_875_911_695_384;
+        assert_eq!(check(seed, "14601381875911695384"), Ok(()));
+        for rounded in [
+            "14601381875911700000",
+            "1.46013818759117E+19",
+            "14601381875911696000",
+            "14601381875911696384",
+        ] {
+            let refused = check(seed, rounded).unwrap_err();
+            assert!(refused.contains("a spreadsheet has rounded it"), "{refused}");
+        }
+        assert!(
+            check(seed, "14601381875911695385")
+                .unwrap_err()
+                .contains("another archive")
+        );
+        assert!(check(seed, "x").unwrap_err().contains("a whole number"));
+        assert_eq!(check(7, "7.0"), Ok(()));
     }
 
     #[test]
@@ -390,7 +579,7 @@ mod tests {
             };
             let labelled = answers.iter().map(|answer| Labelled { answer, individual: &individual });
             let text = to_csv(&spec, labelled).unwrap();
-            let table = Table::parse(Path::new("labels.csv"), text, None).unwrap();
+            let table = Table::parse(Path::new("labels.csv"), &text, None).unwrap();
             for row in table.file.rows() {
                 let formula = |column| row.cell(column).starts_with(['=', '+', '-', '@']);
                 prop_assert!(!formula("class") && !formula("annotator"));

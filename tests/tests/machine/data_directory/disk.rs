@@ -7,7 +7,7 @@ use std::{fs, path::Path};
 /// A file with a label of individual 0.
 fn label(folder: &Path, name: &str, class: &str) -> String {
     let path = folder.join(name);
-    fs::write(&path, format!("id,class,annotator,time\n0,{class},ana,\n")).unwrap();
+    fs::write(&path, format!("index,class,annotator,time\n0,{class},ana,\n")).unwrap();
     path.display().to_string()
 }
 

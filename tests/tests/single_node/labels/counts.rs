@@ -5,7 +5,7 @@ use crate::labels::{campaign, files::write};
 #[test]
 fn what_the_synthetic_annotator_answered_is_counted_apart() {
     let (folder, murmuration) = campaign();
-    let rows = "id,class,annotator\n0,ring,ana\n1,ring,ana\n2,clump,ben\n3,not sure,ben\n";
+    let rows = "index,class,annotator\n0,ring,ana\n1,ring,ana\n2,clump,ben\n3,not sure,ben\n";
     let file = write(folder.path(), "mine.csv", rows);
     for arguments in [
         vec!["label", "latest", "--csv", &file],
@@ -51,7 +51,11 @@ fn what_the_synthetic_annotator_answered_is_counted_apart() {
 fn every_count_of_labels_says_what_it_counts() {
     let (folder, murmuration) = campaign();
     for rows in ["1,ring,ana\n2,clump,ana\n3,skip,ana\n", "1,clump,ana\n"] {
-        let file = write(folder.path(), "rows.csv", &format!("id,class,annotator\n{rows}"));
+        let file = write(
+            folder.path(),
+            "rows.csv",
+            &format!("index,class,annotator\n{rows}"),
+        );
         assert_eq!(
             murmuration.run(&["label", "latest", "--csv", &file]).code,
             Some(0)

@@ -129,7 +129,7 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
     let file = write(
         folder.path(),
         "bare.csv",
-        "id,class,annotator\n3,ring,ana\n4,wall,ana\n",
+        "index,class,annotator\n3,ring,ana\n4,wall,ana\n",
     );
     for (arguments, column) in [
         (vec!["lab", "judge", "--labels", &file], "left_0"),
@@ -140,7 +140,7 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
     ] {
         let refused = murmuration.run(&arguments);
         let expected = format!(
-            "bare.csv, line 1: there is no column \"{column}\"; its columns are id, class, annotator"
+            "bare.csv, line 1: there is no column \"{column}\"; its columns are index, class, annotator"
         );
         assert!(
             refused.code == Some(2) && refused.stderr.contains(&expected),
@@ -153,8 +153,7 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
 #[test]
 fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
     let (folder, murmuration) = campaign();
-    let rows =
-        "id,class,annotator\n1,Wall following,ana\n2,wall_following,ana\n3,Dispersal,ana\n4,dispersal,ana\n";
+    let rows = "index,class,annotator\n1,Wall following,ana\n2,wall_following,ana\n3,Dispersal,ana\n4,dispersal,ana\n";
     let file = write(folder.path(), "spelled.csv", rows);
     let added = murmuration.run(&["label", "latest", "--csv", &file]);
     assert!(!added.stderr.contains("warning"), "{}", added.stderr);
@@ -168,7 +167,7 @@ fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
     let file = write(
         folder.path(),
         "typed.csv",
-        "id,class,annotator\n5,dispresal,ana\n",
+        "index,class,annotator\n5,dispresal,ana\n",
     );
     let warned = "warning: classes \"dispersal\" and \"dispresal\" have nearly the same name";
     for arguments in [vec!["label", "latest", "--csv", &file], vec!["classes", "latest"]] {
@@ -188,7 +187,11 @@ fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
 fn a_class_that_no_answer_names_is_in_no_report() {
     let (folder, murmuration) = campaign();
     for rows in ["1,ring,ana\n2,clump,ana\n", "1,clump,ana\n"] {
-        let file = write(folder.path(), "rows.csv", &format!("id,class,annotator\n{rows}"));
+        let file = write(
+            folder.path(),
+            "rows.csv",
+            &format!("index,class,annotator\n{rows}"),
+        );
         assert_eq!(
             murmuration.run(&["label", "latest", "--csv", &file]).code,
             Some(0)
@@ -221,7 +224,7 @@ fn annotators_that_nobody_knows_are_named() {
         "{}",
         nobody.stderr
     );
-    let rows = "id,class,annotator\n1,ring,ana\n2,ring,ben\n";
+    let rows = "index,class,annotator\n1,ring,ana\n2,ring,ben\n";
     let file = write(folder.path(), "two.csv", rows);
     assert_eq!(
         murmuration.run(&["label", "latest", "--csv", &file]).code,
@@ -276,14 +279,14 @@ fn a_file_with_a_bad_row_is_refused_whole_and_its_line_named() {
         ("1,ring,ana,\n2,ring,ana,soon\n", "line 3: time"),
         (
             "1,ring,ana,\n\n100,ring,ana,\n",
-            "line 4: id = 100: must be the index of one of the 100",
+            "line 4: index = 100: must be the index of one of the 100",
         ),
         ("1,ring,,\n", "line 2: annotator is missing"),
     ] {
         let file = write(
             folder.path(),
             "bad.csv",
-            &format!("id,class,annotator,time\n{rows}"),
+            &format!("index,class,annotator,time\n{rows}"),
         );
         let refused = murmuration.run(&["label", "latest", "--csv", &file]);
         assert!(
@@ -300,7 +303,7 @@ fn a_file_with_a_bad_row_is_refused_whole_and_its_line_named() {
 fn classes_and_agreement_on_the_command_line() {
     let (folder, murmuration) = campaign();
     let label = |annotator: &str, rows: &str| {
-        let file = write(folder.path(), "classes.csv", &format!("id,class\n{rows}"));
+        let file = write(folder.path(), "classes.csv", &format!("index,class\n{rows}"));
         let arguments = [
             "label",
             "latest",
@@ -385,7 +388,7 @@ fn a_table_that_is_not_separated_by_commas_or_has_an_open_quote_is_refused() {
             "line 1: the columns are separated by semicolons; save the file with commas",
         ),
         (
-            "id,class,annotator\n1,ring,ana\n2,ring,\"ana\n",
+            "index,class,annotator\n1,ring,ana\n2,ring,\"ana\n",
             "line 3: a cell begins with a quote but does not end with one",
         ),
     ] {
@@ -410,7 +413,7 @@ fn a_link_that_leads_nowhere_is_not_taken_for_nothing() {
     let file = write(
         folder.path(),
         "mine.csv",
-        "id,class,seed,v1,v2,v3,v4\n0,ring,1,0.6,1,0.4,0.5\n1,clump,2,0.6,1,0.4,0.5\n",
+        "index,class,seed,v1,v2,v3,v4\n0,ring,1,0.6,1,0.4,0.5\n1,clump,2,0.6,1,0.4,0.5\n",
     );
     let unmounted = folder.path().join("unmounted");
     symlink(&unmounted, folder.path().join("images")).unwrap();
