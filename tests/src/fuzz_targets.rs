@@ -5,6 +5,7 @@
 
 use murmuration_model::{
     Weight,
+    csv_file::ColumnNames,
     labels::{Action, Annotator, Change, Labelled, Table, to_csv},
 };
 use murmuration_onnx::EmbedderModel;
@@ -21,7 +22,7 @@ use murmuration_swarm::{
     CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
     Replay, Search, Verdict, World, training::Configuration,
 };
-use murmuration_tracks::{Filmed, Tracks};
+use murmuration_tracks::{Filmed, Reading, Tracks, TracksFile};
 use prost::Message;
 use rand::RngExt as _;
 use serde_json::Value;
@@ -208,16 +209,19 @@ pub fn campaign_database(bytes: &[u8]) {
 /// Parses tracks of robots.
 pub fn tracks_csv(bytes: &[u8]) {
     const STEPS: u32 = 100;
-    let parse = |bytes| Tracks::parse(Path::new("tracks.csv"), bytes);
+    let parse = |bytes: &[u8]| {
+        let file = TracksFile::open(Path::new("tracks.csv"), bytes, ColumnNames::default())?;
+        Tracks::read(file, Reading::default())
+    };
     let world = World::default();
     let filmed = Filmed::new(&world);
-    let Ok(Ok(frames)) = parse(bytes.to_vec()).map(|tracks| tracks.ending(STEPS, &filmed)) else {
+    let Ok(Ok(frames)) = parse(bytes).map(|tracks| tracks.ending(STEPS, &filmed)) else {
         return;
     };
     // Coordinates can be so far apart that their difference is infinite; frames with such coordinates are not compared.
     let numbers = frames.iter().flatten().flatten();
     if numbers.copied().all(f64::is_finite) {
-        let again = parse(murmuration_tracks::to_csv(&frames, &[]).into_bytes()).unwrap();
+        let again = parse(murmuration_tracks::to_csv(&frames, &[]).as_bytes()).unwrap();
         assert_eq!(again.ending(STEPS, &filmed).as_ref(), Ok(&frames));
     }
 }

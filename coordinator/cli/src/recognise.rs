@@ -1,29 +1,30 @@
 //! `recognise`: the behaviour of a swarm that a camera tracked, and the most similar individuals of a campaign.
 
 mod assumed;
+mod film;
 mod shown;
 
 use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
     controller,
-    files::{FileType, Overwrite, check_outputs, read},
+    files::{FileType, Overwrite, check_outputs},
     robots::described,
-    validation::{get_campaign, validated},
+    validation::{Validated as _, get_campaign, validated},
 };
-use assumed::{Arena, Assumed};
+use assumed::{Assumed, Compared};
+use film::Film;
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
-use murmuration_files::InputKind;
 use murmuration_onnx::EmbedderModel;
-use murmuration_proto::v1;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_report::picture;
 use murmuration_sim::{evaluate::observe, features::FEATURE_STEPS};
 use murmuration_swarm::{
-    CampaignSpec, Controller, Evaluation, Invalid, PictureShape, World, counted, text::quoted,
+    CampaignSpec, CapabilityModel, Controller, Evaluation, PictureShape, World, counted,
 };
-use murmuration_tracks::{Tracks, TracksError};
-use std::path::PathBuf;
+use murmuration_tracks::{Tracks, TracksFile};
+use std::{io::Read, path::PathBuf};
 
 /// Side of each picture in the row, in pixels, if all pictures fit.
 const PICTURE_SIDE: u32 = 400;
@@ -32,33 +33,27 @@ const ROW_WIDTH: u32 = 4096;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The file has a row for each robot in each frame: the columns frame and robot (whole numbers), x and y, and perhaps heading \
-(radians; y points down, and headings grow from x to y). A robot that is missing for up to 25 frames in a row is interpolated. \
-Without headings, a robot looks where it moves.
+The file has a row for each robot in each frame: the columns frame (a whole number) and robot (a number or a name), x and y, and \
+perhaps heading (radians, growing from x to y). A robot whose x and y are empty or NaN is not seen in this frame. A robot that is \
+missing for up to 25 frames in a row is interpolated. Without headings, a robot looks where it moves.
 
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --seed 7 --tracks tracks.csv
   murmuration recognise tracks.csv
-  murmuration recognise tracks.csv --frame-time 0.5 --arena 400x400 --png row.png")]
+  murmuration recognise tracks.csv --frame-time 0.5 --arena 500x500 --png row.png
+  murmuration recognise sleap.csv --columns frame=frame_idx,robot=track,x=body.x,y=body.y")]
 pub struct Recognise {
-    /// Tracks of the robots, CSV
-    tracks: PathBuf,
-    /// Campaign to compare the swarm with
-    #[arg(long, value_name = "ID", default_value = "latest")]
-    campaign: String,
+    #[command(flatten)]
+    film: Film,
+    /// Campaign to compare the swarm with, or `latest` [default: the newest completed campaign]
+    #[arg(long, value_name = "ID")]
+    campaign: Option<String>,
     /// File that describes the robots [default: the campaign's robots]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Controller of the robots, if it is known; it gives the free angles of sensors [default: straight ahead]
     #[arg(long, value_name = "NUMBERS")]
     controller: Option<String>,
-    /// Time from one frame to the next, in units of the world's time [default: one step]
-    #[arg(long, value_name = "TIME")]
-    frame_time: Option<f64>,
-    /// Width and height of the filmed arena, in units of the tracks, with a corner at 0, 0; the command scales the arena to the
-    /// world [default: the tracks are in world units]
-    #[arg(long, value_name = "WIDTHxHEIGHT")]
-    arena: Option<Arena>,
     /// Number of nearest individuals to show, 1 to 100
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     count: u32,
@@ -85,11 +80,12 @@ impl Recognise {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         if let Some(path) = &self.png {
             FileType::Png.check("--png", path)?;
-            let read = self.robot.iter().chain([&self.tracks]);
+            let read = self.robot.iter().chain([&self.film.tracks]);
             check_outputs([("--png", path)], read, self.overwrite)?;
         }
-        let tracks = Tracks::parse(&self.tracks, read(&self.tracks, InputKind::Tracks)?)?;
-        let find = async |connection: &mut Connection| self.find(connection, &tracks).await;
+        // Without the file, nothing is started.
+        let file = self.film.open()?;
+        let find = async |connection: &mut Connection| self.find(connection, file).await;
         let recognised = connection::with(global, InProcess::NONE, find).await?;
         recognised.assumed.tell();
         shown::show(&recognised, global.json)?;
@@ -99,17 +95,37 @@ impl Recognise {
         }
     }
 
-    async fn find(&self, connection: &mut Connection, tracks: &Tracks) -> Result<Recognised, CliError> {
-        let campaign = get_campaign(&mut connection.client, &self.campaign).await?;
+    async fn find(
+        &self,
+        connection: &mut Connection,
+        file: TracksFile<impl Read>,
+    ) -> Result<Recognised, CliError> {
+        let campaign = self.campaign(connection).await?;
+        let is_complete = campaign.state() == v1::CampaignState::Completed;
         let spec = CampaignSpec::try_from(campaign.spec.unwrap_or_default())?;
-        let (controller, world) = self.swarm(&spec, tracks)?;
-        let assumed = Assumed::of(self, tracks, &controller, &world, &spec)?;
+        let (model, world) = self.robots(&spec)?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
         // A campaign's picture covers at most the steps since the start of a swarm.
         let steps = steps.min(spec.world().horizon());
-        let frames = tracks.ending(steps, &assumed.filmed(&world)?)?;
-        let assumed = assumed.with_steps(frames.len() as u64 - 1, u64::from(steps));
-        let named = |error| CliError::Input(format!("{}: {error}", self.tracks.display()));
+        let mut tracks = self.film.read(file, &world, steps)?;
+        let (controller, world) = self.swarm(&model, world, &mut tracks)?;
+        let filmed = self.film.scale(&world)?;
+        let understood = tracks
+            .understood(steps, &filmed)
+            .map_err(|error| self.film.refused(error))?;
+        let frames = tracks
+            .ending(steps, &filmed)
+            .map_err(|error| self.film.refused(error))?;
+        let compared = Compared {
+            understood,
+            frame_time: self.film.frame_time(&world),
+            scale: filmed.scale(),
+            steps: frames.len() as u64 - 1,
+            wanted: u64::from(steps),
+            is_complete,
+        };
+        let assumed = Assumed::of(compared, &tracks, &controller, self.controller.is_some(), &spec);
+        let named = |error| CliError::Input(format!("{}: {error}", self.film.tracks.display()));
         let evaluation = observe(&controller, &world, spec.image(), &frames).map_err(named)?;
         let evaluation = match campaign.checkpoint.as_str() {
             digest if spec.space().embeds() && !digest.is_empty() => {
@@ -144,8 +160,26 @@ impl Recognise {
         })
     }
 
-    /// The robots, with the sensor angles of their controller, and the filmed world.
-    fn swarm(&self, spec: &CampaignSpec, tracks: &Tracks) -> Result<(Controller, World), CliError> {
+    /// The campaign with which the swarm is compared.
+    async fn campaign(&self, connection: &mut Connection) -> Result<v1::Campaign, CliError> {
+        let named = match &self.campaign {
+            Some(campaign) => campaign.clone(),
+            None => {
+                let listed = connection
+                    .client
+                    .list_campaigns(v1::ListCampaignsRequest {})
+                    .await?;
+                let all = whole(listed.into_inner()).await?.campaigns.validated()?;
+                let is_complete = |campaign: &&v1::Campaign| campaign.state() == v1::CampaignState::Completed;
+                let newest = all.iter().rev().find(is_complete);
+                newest.map_or("latest", |campaign| &campaign.id).to_owned()
+            }
+        };
+        get_campaign(&mut connection.client, named).await
+    }
+
+    /// The robots and their world: those of `--robot`, or else the campaign's.
+    fn robots(&self, spec: &CampaignSpec) -> Result<(CapabilityModel, World), CliError> {
         let (model, world) = match &self.robot {
             Some(path) => described(path)?,
             None => (spec.model().clone(), spec.world().clone()),
@@ -159,10 +193,20 @@ impl Recognise {
                 own[0], own[1]
             )));
         }
+        Ok((model, world))
+    }
+
+    /// The swarm of the film, with the sensor angles of its controller, and its world.
+    fn swarm(
+        &self,
+        model: &CapabilityModel,
+        world: World,
+        tracks: &mut Tracks,
+    ) -> Result<(Controller, World), CliError> {
         if let Some(robots) = model.robots().filter(|&robots| robots != tracks.robots()) {
             return Err(CliError::Input(format!(
                 "{}: there are {}, and the species have {robots} together",
-                self.tracks.display(),
+                self.film.tracks.display(),
                 counted(tracks.robots().into(), "robot")
             )));
         }
@@ -172,10 +216,14 @@ impl Recognise {
             start: None,
             ..world.into()
         });
-        let world = world.map_err(|error| CliError::Input(format!("{}: {error}", self.tracks.display())))?;
+        let world =
+            world.map_err(|error| CliError::Input(format!("{}: {error}", self.film.tracks.display())))?;
+        let counts = tracks
+            .order_by_species(model)
+            .map_err(|error| self.film.refused(error))?;
         let controller = match &self.controller {
-            Some(text) => controller::parse(text, Some(&model))?,
-            None => assumed::unknown(&model, tracks.counts(&model)?.as_deref())?,
+            Some(text) => controller::parse(text, Some(model))?,
+            None => assumed::unknown(model, counts.as_deref())?,
         };
         Ok((controller, world))
     }
@@ -203,25 +251,4 @@ fn row(recognised: &Recognised) -> Result<Vec<u8>, CliError> {
     let fits = ROW_WIDTH / ((side + 1) * images.len() as u32).max(1);
     let scale = (PICTURE_SIDE / side.max(1)).min(fits).max(1);
     Ok(picture::image_row_png(&images, recognised.shape, scale)?)
-}
-
-impl From<TracksError> for CliError {
-    fn from(error: TracksError) -> Self {
-        Self::Input(error.to_string())
-    }
-}
-
-impl std::str::FromStr for Arena {
-    type Err = Invalid;
-
-    fn from_str(text: &str) -> Result<Self, Invalid> {
-        let sides = text.split_once('x').and_then(|(width, height)| {
-            let side = |text: &str| text.trim().parse::<f64>().ok();
-            Some([side(width)?, side(height)?])
-        });
-        let sides = sides.filter(|sides| sides.iter().all(|side| side.is_finite() && *side > 0.0));
-        sides
-            .map(Self)
-            .ok_or_else(|| Invalid::new("arena", quoted(text), "two numbers over 0 such as 400x300"))
-    }
 }

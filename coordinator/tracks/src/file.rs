@@ -1,110 +1,193 @@
 //! Files of tracks: CSV files with the columns frame, robot, x, y and optionally heading and species, in any order. Other columns
 //! are ignored.
 
-use crate::Sighting;
-use murmuration_model::csv_file::{CsvError, CsvFile};
-use murmuration_swarm::{CapabilityModel, Invalid, Species, counted, text::quoted};
+use crate::{MAX_GAP_FRAMES, RobotName, Sighting, TracksError};
+use murmuration_model::csv_file::{ColumnNames, CsvError, CsvFile, CsvRow, is_no_value, without_zeros};
+use murmuration_swarm::{CapabilityModel, Species, text::quoted};
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fmt::Write as _,
+    io::Read,
     path::{Path, PathBuf},
 };
+
+/// The columns of a file of tracks.
+pub const COLUMNS: [&str; 6] = ["frame", "robot", "x", "y", "heading", "species"];
+
+/// Maximum number of lines of a header after the names of the columns.
+const MAX_HEADER_LINES: usize = 3;
+
+/// How a file of tracks is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reading {
+    /// Number of frames at the end of the film that are kept in memory; the gaps before these frames can still be interpolated.
+    pub frames: u32,
+    /// Robots that are seen in fewer frames are left out. `None` refuses robots that are seen in less than half of the frames.
+    pub min_frames: Option<u32>,
+    /// Whether headings are in degrees.
+    pub degrees: bool,
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Self {
+            frames: u32::MAX,
+            min_frames: None,
+            degrees: false,
+        }
+    }
+}
+
+/// A file of tracks whose header has been read.
+pub struct TracksFile<R>(CsvFile<R>);
+
+impl<R: Read> TracksFile<R> {
+    /// Reads the header of the file at `path`, whose bytes `reader` has. `columns` has the names of the columns in the file.
+    ///
+    /// # Errors
+    /// If a column is missing or repeated, or `columns` names other columns than [`COLUMNS`].
+    pub fn open(path: &Path, reader: R, columns: ColumnNames) -> Result<Self, TracksError> {
+        columns.expect(&COLUMNS)?;
+        Ok(Self(CsvFile::open_named(path, reader, &COLUMNS[..4], columns)?))
+    }
+}
 
 /// The tracks of a swarm: at least one robot with at least one sighting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
     pub(crate) path: PathBuf,
-    /// The sightings by number of the robot, then by frame; every robot has at least one sighting.
-    pub(crate) robots: BTreeMap<u32, BTreeMap<u32, Sighting>>,
-    /// The species of robots by their number, if the file has them.
-    species: BTreeMap<u32, String>,
+    /// The robots in the order in which swarms have them.
+    pub(crate) robots: Vec<Robot>,
+    /// First and last frame in which a robot is seen.
     frames: [u32; 2],
+    /// The robots that were left out, with the number of frames in which each is seen.
+    left_out: Vec<(RobotName, u64)>,
+    /// Number of lines after the header that have units or other names of columns.
+    header_lines: usize,
+    /// Whether robots that are seldom seen are refused.
+    pub(crate) refuses_ghosts: bool,
 }
 
-/// Why tracks cannot be used.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum TracksError {
-    #[error(transparent)]
-    File(#[from] CsvError),
-    #[error("{}: there are no rows below the names of the columns", .0.display())]
-    Empty(PathBuf),
-    #[error("{}: the frames last less than one step, and a motion has one at least", .0.display())]
-    Short(PathBuf),
-    #[error(
-        "{}: robot {robot} is missing from {}; only gaps of up to {} are interpolated", path.display(), missing(*frames),
-        counted(u64::from(crate::MAX_GAP_FRAMES), "frame")
-    )]
-    Gap {
-        path: PathBuf,
-        /// Number of the robot.
-        robot: u32,
-        /// First and last missing frame.
-        frames: [u32; 2],
-    },
-    #[error("{}: robot {robot} {what}", path.display())]
-    Species {
-        path: PathBuf,
-        /// Number of the robot.
-        robot: u32,
-        what: String,
-    },
-    #[error(transparent)]
-    Invalid(#[from] Invalid),
+/// A robot of a film.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Robot {
+    pub(crate) name: RobotName,
+    /// The sightings by frame: those in the kept frames, and the last one before them. At least one.
+    pub(crate) sightings: BTreeMap<u32, Sighting>,
+    species: Option<String>,
+    /// First and last frame in which the robot is seen.
+    frames: [u32; 2],
+    /// Number of frames in which the robot is seen.
+    seen: u64,
+    /// Number of sightings with a heading.
+    with_heading: u64,
+    last_heading: Option<f64>,
+    /// The first heading that can be no angle in radians, and the line of its row.
+    strange_heading: Option<(f64, u64)>,
 }
 
-fn missing([first, last]: [u32; 2]) -> String {
-    match first == last {
-        true => format!("frame {first}"),
-        false => format!("frames {first} to {last}"),
+impl Robot {
+    fn new(name: RobotName, frame: u32) -> Self {
+        Self {
+            name,
+            sightings: BTreeMap::new(),
+            species: None,
+            frames: [frame; 2],
+            seen: 0,
+            with_heading: 0,
+            last_heading: None,
+            strange_heading: None,
+        }
+    }
+
+    /// Adds the sighting of a row; false if the robot is in this frame already.
+    fn add(&mut self, frame: u32, sighting: Sighting, line: u64) -> bool {
+        let [first, last] = self.frames;
+        self.frames = [first.min(frame), last.max(frame)];
+        self.seen += 1;
+        if let Some(heading) = sighting.heading {
+            self.with_heading += 1;
+            // Headings may go on over a turn, as those of `murmuration simulate` do; but no robot begins there, or jumps that far.
+            let before = self.last_heading.replace(heading).unwrap_or_default();
+            if (heading - before).abs() > 1.0001 * std::f64::consts::TAU {
+                self.strange_heading.get_or_insert((heading, line));
+            }
+        }
+        self.sightings.insert(frame, sighting).is_none()
+    }
+
+    /// Forgets the sightings before `frame`, but for the last of them.
+    fn forget(&mut self, frame: u32) {
+        while self
+            .sightings
+            .keys()
+            .nth(1)
+            .is_some_and(|&second| second <= frame)
+        {
+            self.sightings.pop_first();
+        }
     }
 }
 
 impl Tracks {
-    /// Parses the text of the file at `path`.
+    /// Reads a file.
     ///
     /// # Errors
-    /// Names line and column of the first invalid cell. It is also an error if there is no row, if a robot is in a frame twice,
-    /// or if a robot has two species.
-    pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
-        let file = CsvFile::open(path, text.as_slice(), &["frame", "robot", "x", "y"])?;
-        let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
-        let mut species: BTreeMap<u32, String> = BTreeMap::new();
-        let mut frames: Option<[u32; 2]> = None;
-        for row in file {
-            let row = row?;
-            let (frame, robot) = (row.whole("frame")?, row.whole("robot")?);
-            let sighting = Sighting {
-                at: [row.finite("x")?, row.finite("y")?],
-                heading: match row.cell("heading") {
-                    "" => None,
-                    _ => Some(row.finite("heading")?),
-                },
+    /// Names line and column of the first invalid cell. It is also an error if no robot is seen, if a robot is in a frame twice, if a
+    /// robot has two species, or if headings cannot be radians.
+    pub fn read(TracksFile(mut file): TracksFile<impl Read>, reading: Reading) -> Result<Self, TracksError> {
+        let header = file.header().clone();
+        let path = header.path();
+        let mut robots: BTreeMap<RobotName, Robot> = BTreeMap::new();
+        let kept = reading.frames.saturating_add(MAX_GAP_FRAMES + 1);
+        let (mut header_lines, mut last) = (0, 0);
+        while let Some(row) = file.next().transpose()? {
+            if robots.is_empty() && header_lines < MAX_HEADER_LINES && is_of_header(&row) {
+                header_lines += 1;
+                continue;
+            }
+            let Some((frame, sighting)) = sighting(&row, reading.degrees)? else {
+                continue;
             };
-            let own = robots.entry(robot).or_default();
-            if own.insert(frame, sighting).is_some() {
-                let allowed = format!("a frame that robot {robot} is in once");
+            let name = RobotName::parse(without_zeros(row.cell("robot")))
+                .filter(|_| !is_no_value(row.cell("robot")));
+            let name = name.ok_or_else(|| row.refuse("robot", "a whole number or a name"))?;
+            let robot = robots
+                .entry(name)
+                .or_insert_with_key(|name| Robot::new(name.clone(), frame));
+            if !robot.add(frame, sighting, row.line()) {
+                let allowed = format!("a frame that robot {} is in once", robot.name);
                 return Err(row.refuse("frame", &allowed).into());
             }
-            let name = row.cell("species");
-            if !name.is_empty() && species.entry(robot).or_insert_with(|| name.to_owned()) != name {
-                return Err(row
-                    .refuse(
-                        "species",
-                        &format!("the one that robot {robot} has in other rows"),
-                    )
-                    .into());
-            }
-            let [first, last] = frames.unwrap_or([frame; 2]);
-            frames = Some([first.min(frame), last.max(frame)]);
+            set_species(robot, &row)?;
+            last = last.max(frame);
+            robot.forget(last.saturating_sub(kept));
         }
-        match frames {
-            Some(frames) => Ok(Self {
+        let min_frames = u64::from(reading.min_frames.unwrap_or_default());
+        let (robots, left_out): (Vec<_>, Vec<_>) =
+            robots.into_values().partition(|robot| robot.seen >= min_frames);
+        let frames = |end: usize| robots.iter().map(move |robot| robot.frames[end]);
+        let Some(frames) = frames(0).min().zip(frames(1).max()) else {
+            return Err(TracksError::Empty(path.to_owned()));
+        };
+        let strange = robots.iter().find_map(|robot| robot.strange_heading);
+        match strange.filter(|_| !reading.degrees) {
+            Some((heading, line)) => Err(TracksError::Headings {
+                path: path.to_owned(),
+                line,
+                heading,
+            }),
+            None => Ok(Self {
                 path: path.to_owned(),
                 robots,
-                species,
-                frames,
+                frames: frames.into(),
+                left_out: left_out
+                    .into_iter()
+                    .map(|robot| (robot.name, robot.seen))
+                    .collect(),
+                header_lines,
+                refuses_ghosts: reading.min_frames.is_none(),
             }),
-            None => Err(TracksError::Empty(path.to_owned())),
         }
     }
 
@@ -112,47 +195,47 @@ impl Tracks {
         u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
     }
 
-    /// Number of robots of each species of `model`; `None` if the file names no species.
+    /// Puts the robots into the order in which swarms of `model` have them: by species, then by name. Returns the number of robots
+    /// of each species; `None` if the file names no species.
     ///
     /// # Errors
-    /// [`TracksError::Species`] if a robot has no species or a species that is not in the model, or if its number is higher than
-    /// that of a robot of a later species.
-    pub fn counts(&self, model: &CapabilityModel) -> Result<Option<Vec<u32>>, TracksError> {
-        if self.species.is_empty() {
+    /// [`TracksError::Species`] if a robot has no species, or a species that is not in the model.
+    pub fn order_by_species(&mut self, model: &CapabilityModel) -> Result<Option<Vec<u32>>, TracksError> {
+        if !self.names_species() {
             return Ok(None);
         }
         let mut counts = vec![0; model.species().len()];
-        let mut last = 0;
-        for &robot in self.robots.keys() {
-            let refused = |what: String| TracksError::Species {
-                path: self.path.clone(),
-                robot,
-                what,
-            };
-            let Some(name) = self.species.get(&robot) else {
-                return Err(refused("has no species, and others have one".to_owned()));
-            };
-            let known = |species: &Species| species.name().as_str() == name;
-            let Some(place) = model.species().iter().position(known) else {
-                let names: Vec<_> = model
-                    .species()
-                    .iter()
-                    .map(|species| species.name().as_str())
-                    .collect();
-                let known = names.join(", ");
-                return Err(refused(format!(
-                    "is of species {}: there are {known}",
-                    quoted(name)
-                )));
-            };
-            if place < last {
-                let what = "comes after robots of a later species: those of the first species have the lowest numbers";
-                return Err(refused(what.to_owned()));
-            }
-            last = place;
+        let mut placed = Vec::with_capacity(self.robots.len());
+        for robot in &self.robots {
+            let place = self.place_of_species(robot, model)?;
             counts[place] += 1;
+            placed.push((place, robot.clone()));
         }
+        placed.sort_by_key(|(place, _)| *place);
+        self.robots = placed.into_iter().map(|(_, robot)| robot).collect();
         Ok(Some(counts))
+    }
+
+    fn place_of_species(&self, robot: &Robot, model: &CapabilityModel) -> Result<usize, TracksError> {
+        let refused = |what: String| TracksError::Species {
+            path: self.path.clone(),
+            robot: robot.name.clone(),
+            what,
+        };
+        let Some(name) = &robot.species else {
+            return Err(refused("has no species, and others have one".to_owned()));
+        };
+        let known = |species: &Species| species.name().as_str() == name;
+        model.species().iter().position(known).ok_or_else(|| {
+            let names = model.species().iter().map(|species| species.name().as_str());
+            let known = names.collect::<Vec<_>>().join(", ");
+            refused(format!("is of species {}: there are {known}", quoted(name)))
+        })
+    }
+
+    /// Whether the file names the species of robots.
+    pub fn names_species(&self) -> bool {
+        self.robots.iter().any(|robot| robot.species.is_some())
     }
 
     /// The first and the last frame in which the file has a robot.
@@ -160,22 +243,78 @@ impl Tracks {
         self.frames
     }
 
+    /// The robots that are left out, with the number of frames in which each is seen.
+    pub fn left_out(&self) -> &[(RobotName, u64)] {
+        &self.left_out
+    }
+
+    /// Number of lines after the names of the columns that belong to the header too.
+    pub const fn header_lines(&self) -> usize {
+        self.header_lines
+    }
+
     /// Share of the rows that have a heading, 0 to 1.
     pub fn share_of_headings(&self) -> f64 {
-        let sightings = || self.robots.values().flat_map(BTreeMap::values);
-        let known = sightings().filter(|sighting| sighting.heading.is_some());
-        known.count() as f64 / sightings().count() as f64
+        let sum = |count: fn(&Robot) -> u64| self.robots.iter().map(count).sum::<u64>() as f64;
+        sum(|robot| robot.with_heading) / sum(|robot| robot.seen)
     }
 
     /// Number of missing rows; a complete file has a row for each robot in each frame.
     pub fn missing(&self) -> u64 {
         let [first, last] = self.frames.map(u64::from);
         let all = (last - first + 1) * self.robots.len() as u64;
-        all - self.robots.values().map(|own| own.len() as u64).sum::<u64>()
+        all.saturating_sub(self.robots.iter().map(|robot| robot.seen).sum())
+    }
+
+    /// The kept frames from `first` on in which a robot is seen.
+    pub(crate) fn seen_frames(&self, first: u32) -> BTreeSet<u32> {
+        let frames = self.robots.iter().flat_map(|robot| robot.sightings.keys());
+        frames.copied().filter(|&frame| frame >= first).collect()
     }
 }
 
-/// Writes the tracks of a swarm from the poses (x, y, heading) of its robots in each frame, from frame 0 on. [`Tracks::parse`]
+/// Whether a row is one of units or names of columns, which some tools write below the header.
+fn is_of_header(row: &CsvRow) -> bool {
+    let numbers = COLUMNS[..4].iter().map(|column| row.cell(column));
+    let is_word = |cell: &str| !is_no_value(cell) && cell.parse::<f64>().is_err();
+    row.cell("frame").parse::<f64>().is_err()
+        && is_word(row.cell("x"))
+        && is_word(row.cell("y"))
+        && numbers.count() == 4
+}
+
+/// The frame and the sighting of a row; `None` if the robot is not seen in this frame.
+fn sighting(row: &CsvRow, degrees: bool) -> Result<Option<(u32, Sighting)>, CsvError> {
+    let frame = row.whole("frame")?;
+    if ["x", "y"].iter().all(|axis| is_no_value(row.cell(axis))) {
+        return Ok(None);
+    }
+    let heading = match is_no_value(row.cell("heading")) {
+        true => None,
+        false => Some(row.finite("heading")?),
+    };
+    let sighting = Sighting {
+        at: [row.finite("x")?, row.finite("y")?],
+        heading: heading.map(|heading| if degrees { heading.to_radians() } else { heading }),
+    };
+    Ok(Some((frame, sighting)))
+}
+
+fn set_species(robot: &mut Robot, row: &CsvRow) -> Result<(), CsvError> {
+    let name = row.cell("species");
+    if is_no_value(name) {
+        return Ok(());
+    }
+    match robot.species.get_or_insert_with(|| name.to_owned()) == name {
+        true => Ok(()),
+        false => {
+            let allowed = format!("the one that robot {} has in other rows", robot.name);
+            Err(row.refuse("species", &allowed))
+        }
+    }
+}
+
+/// Writes the tracks of a swarm from the poses (x, y, heading) of its robots in each frame, from frame 0 on. [`Tracks::read`]
 /// reads the same numbers. `species` has the name of each robot's species; if `species` is empty, the file has no column of
 /// species.
 pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
@@ -194,96 +333,4 @@ pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
         }
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use murmuration_swarm::CampaignSpec;
-
-    fn parsed(text: &str) -> Result<Tracks, TracksError> {
-        Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec())
-    }
-
-    #[test]
-    fn columns_are_found_by_name_and_headings_may_be_missing() {
-        let tracks = parsed("time,robot,y,x,frame\n0.1,7,2,1,10\n0.2,7,4,3,12\n0.1,3,6,5,10\n").unwrap();
-        assert_eq!((tracks.robots(), tracks.frames()), (2, [10, 12]));
-        assert_eq!(tracks.robots[&7][&12].at, [3.0, 4.0]);
-        assert_eq!(tracks.share_of_headings(), 0.0);
-        // Both robots miss frame 11, and robot 3 misses frame 12.
-        assert_eq!(tracks.missing(), 3);
-        let some = parsed("frame,robot,x,y,heading\n0,0,1,1,0.5\n1,0,1,1,\n").unwrap();
-        assert_eq!(some.share_of_headings(), 0.5);
-    }
-
-    #[test]
-    fn what_is_wrong_is_named_by_line_and_column() {
-        let check = |text: &str, message: &str| assert_eq!(parsed(text).unwrap_err().to_string(), message);
-        check(
-            "frame,x,y\n1,2,3\n",
-            "t.csv, line 1: there is no column \"robot\"; its columns are frame, x, y",
-        );
-        check(
-            "frame,robot,x,y\n1,2,3,4\n1.5,2,3,4\n",
-            "t.csv, line 3: frame = \"1.5\": must be a whole number from 0 to 4294967295",
-        );
-        check(
-            "frame,robot,x,y\n1,2,3,inf\n",
-            "t.csv, line 2: y = \"inf\": must be a finite number",
-        );
-        check(
-            "frame,robot,x,y,heading\n1,2,3,4,north\n",
-            "t.csv, line 2: heading = \"north\": must be a finite number",
-        );
-        check(
-            "frame,robot,x,y\n1,2,3,4\n1,2,3,5\n",
-            "t.csv, line 3: frame = \"1\": must be a frame that robot 2 is in once",
-        );
-        check(
-            "frame,robot,x,y\n",
-            "t.csv: there are no rows below the names of the columns",
-        );
-    }
-
-    #[test]
-    fn robots_of_each_species_are_counted() {
-        let text = "ratios = [[1, 2], [2, 1]]\n[[species]]\nname = \"a\"\nmodel = \"turbopi\"\n\
-                    [[species]]\nname = \"b\"\nmodel = \"turbopi\"\n";
-        let (model, _) = CampaignSpec::robots_from_toml(text).unwrap();
-        let frames = [vec![[0.0; 3]; 3], vec![[1.0; 3]; 3]];
-        let counts = |species: &[&str]| {
-            let tracks = parsed(&to_csv(&frames, species)).unwrap();
-            tracks.counts(&model).map_err(|error| error.to_string())
-        };
-        assert_eq!(counts(&["a", "a", "b"]), Ok(Some(vec![2, 1])));
-        assert_eq!(counts(&[]), Ok(None));
-        let refused = |species: &[&str]| counts(species).unwrap_err();
-        assert_eq!(
-            refused(&["a", "c", "b"]),
-            "t.csv: robot 1 is of species \"c\": there are a, b"
-        );
-        assert_eq!(
-            refused(&["a", "", "b"]),
-            "t.csv: robot 1 has no species, and others have one"
-        );
-        assert!(
-            refused(&["b", "a", "b"]).starts_with("t.csv: robot 1 comes after robots of a later species")
-        );
-        let two = parsed("frame,robot,x,y,species\n0,4,1,1,a\n1,4,1,1,b\n").unwrap_err();
-        assert_eq!(
-            two.to_string(),
-            "t.csv, line 3: species = \"b\": must be the one that robot 4 has in other rows"
-        );
-    }
-
-    #[test]
-    fn what_is_written_is_read_again() {
-        let frames = vec![vec![[0.1, 1.0 / 3.0, -4.0]; 2], vec![[1e-7, 250.0, 1e3]; 2]];
-        let tracks = parsed(&to_csv(&frames, &[])).unwrap();
-        let heading = |robot: u32, frame: u32| tracks.robots[&robot][&frame].heading;
-        assert_eq!(tracks.robots[&1][&0].at, [0.1, 1.0 / 3.0]);
-        assert_eq!((heading(0, 1), heading(1, 0)), (Some(1e3), Some(-4.0)));
-        assert_eq!(tracks.missing(), 0);
-    }
 }

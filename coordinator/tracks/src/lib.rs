@@ -4,13 +4,22 @@
 //! the last steps. The function interpolates gaps between frames, and takes an unknown heading from the direction of motion. This
 //! crate reads text but no files, and computes neither features nor pictures.
 
+mod error;
 mod file;
 mod filmed;
 mod motion;
+mod robot_name;
+mod understood;
 
-pub use file::{Tracks, TracksError, to_csv};
-pub use filmed::Filmed;
-pub use motion::{MAX_GAP_FRAMES, MAX_POSES};
+pub use error::TracksError;
+pub use file::{COLUMNS, Reading, Tracks, TracksFile, to_csv};
+pub use filmed::{Axes, Filmed, Origin, YAxis};
+pub use motion::MAX_POSES;
+pub use robot_name::RobotName;
+pub use understood::Understood;
+
+/// Maximum number of consecutive frames in which a robot can be missing.
+pub const MAX_GAP_FRAMES: u32 = 25;
 
 /// The position of a robot at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,11 +1,8 @@
 //! From the frames of a film to the steps of a world.
 
-use crate::{Sighting, Tracks, TracksError, filmed::Filmed};
+use crate::{Filmed, MAX_GAP_FRAMES, Sighting, Tracks, TracksError, file::Robot};
 use murmuration_swarm::Invalid;
 use std::{collections::BTreeMap, f64::consts::TAU};
-
-/// Maximum number of consecutive frames in which a robot can be missing.
-pub const MAX_GAP_FRAMES: u32 = 25;
 
 /// Maximum number of poses of a motion (480 MB).
 pub const MAX_POSES: u64 = 20_000_000;
@@ -42,10 +39,10 @@ impl Tracks {
         let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step);
         let moments: Vec<f64> = moments.collect();
         let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
-        for (&robot, sightings) in &self.robots {
+        for robot in &self.robots {
             let at = |&moment: &f64| {
-                self.check_gap(robot, sightings, moment)
-                    .map(|()| seen(sightings, moment, filmed))
+                self.check_gap(robot, moment)
+                    .map(|()| seen(&robot.sightings, moment, filmed))
             };
             let path = moments.iter().map(at).collect::<Result<Vec<_>, _>>()?;
             let headings = headings(&path, filmed);
@@ -57,13 +54,8 @@ impl Tracks {
     }
 
     /// Checks that the gap around a moment is not too long.
-    fn check_gap(
-        &self,
-        robot: u32,
-        sightings: &BTreeMap<u32, Sighting>,
-        moment: f64,
-    ) -> Result<(), TracksError> {
-        let [before, after] = around(sightings, moment);
+    fn check_gap(&self, robot: &Robot, moment: f64) -> Result<(), TracksError> {
+        let [before, after] = around(&robot.sightings, moment);
         let [first, last] = self.frames();
         let missing = match (before, after) {
             (Some((before, _)), Some((after, _))) if before == after => return Ok(()),
@@ -80,7 +72,7 @@ impl Tracks {
         }
         Err(TracksError::Gap {
             path: self.path.clone(),
-            robot,
+            robot: robot.name.clone(),
             frames: missing,
         })
     }
@@ -99,7 +91,7 @@ fn around(sightings: &BTreeMap<u32, Sighting>, moment: f64) -> [Option<(u32, Sig
 fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -> Sighting {
     let placed = |sighting: Sighting| Sighting {
         at: filmed.place(sighting.at),
-        ..sighting
+        heading: sighting.heading.map(|heading| filmed.turn(heading)),
     };
     let (before, after) = match around(sightings, moment) {
         [Some(before), Some(after)] if before.0 < after.0 => (before, after),

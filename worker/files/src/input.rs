@@ -55,7 +55,8 @@ impl InputKind {
             Self::Campaign | Self::Study | Self::Tokens | Self::Pem => 1 << 20,
             Self::Controllers | Self::Sessions | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
             Self::Checkpoint => MAX_MODEL_BYTES as u64,
-            Self::Labels | Self::Starts | Self::Tracks => 256 << 20,
+            Self::Labels | Self::Starts => 256 << 20,
+            Self::Tracks => 64 << 30,
         }
     }
 
@@ -115,6 +116,32 @@ pub fn expect_own_file(path: &Path) -> io::Result<()> {
     }
 }
 
+/// Opens the file at `path`, to be read piece by piece.
+///
+/// # Errors
+/// The system's error; reading more bytes than the kind allows gives [`TooLong`].
+pub fn open(path: &Path, kind: InputKind) -> io::Result<impl Read + use<>> {
+    Ok(Limited {
+        reader: File::open(path)?.take(kind.max_bytes() + 1),
+        kind,
+    })
+}
+
+struct Limited<R> {
+    reader: io::Take<R>,
+    kind: InputKind,
+}
+
+impl<R: Read> Read for Limited<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let len = self.reader.read(bytes)?;
+        match self.reader.limit() {
+            0 => Err(io::Error::new(io::ErrorKind::FileTooLarge, TooLong(self.kind))),
+            _ => Ok(len),
+        }
+    }
+}
+
 /// The bytes of the file at `path`.
 ///
 /// # Errors
@@ -141,12 +168,10 @@ pub fn text_of(reader: impl Read, kind: InputKind) -> io::Result<String> {
 }
 
 fn bytes_of(reader: impl Read, kind: InputKind) -> io::Result<Vec<u8>> {
-    let (mut bytes, most) = (Vec::new(), kind.max_bytes());
-    reader.take(most + 1).read_to_end(&mut bytes)?;
-    match bytes.len() as u64 > most {
-        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, TooLong(kind))),
-        false => Ok(bytes),
-    }
+    let mut bytes = Vec::new();
+    let reader = reader.take(kind.max_bytes() + 1);
+    Limited { reader, kind }.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -263,6 +263,10 @@ pub(crate) struct Recognised<'a> {
     pub(crate) frame_time: f64,
     /// World units in one unit of the tracks.
     pub(crate) scale: f64,
+    /// Share of the positions that are between the walls, or at most a robot's radius outside them, 0 to 1.
+    pub(crate) inside: f64,
+    /// The longer side of the rectangle that the positions span, world units.
+    pub(crate) width: f64,
     /// Steps at the end of the tracks that features and picture cover.
     pub(crate) steps: u64,
     #[serde(flatten)]

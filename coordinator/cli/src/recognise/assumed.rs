@@ -1,15 +1,28 @@
-//! Assumptions about tracks that lack data.
+//! What the command understood of the tracks, and what it assumes about the data that they lack.
 
-use super::{super::CliError, Recognise};
+use super::super::CliError;
 use murmuration_link::errln;
-use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, Invalid, World, counted};
-use murmuration_tracks::{Filmed, Tracks, TracksError};
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, counted, rounded};
+use murmuration_tracks::{RobotName, Tracks, Understood};
 
-/// Width and height of an arena in the units of the tracks, both greater than 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Arena(pub(super) [f64; 2]);
+/// The tracks in the world of the campaign.
+#[derive(Debug)]
+pub(super) struct Compared {
+    pub(super) understood: Understood,
+    /// Time from one frame to the next, in units of the world's time.
+    pub(super) frame_time: f64,
+    /// World units in one unit of the tracks.
+    pub(super) scale: f64,
+    /// Steps that features and picture cover.
+    pub(super) steps: u64,
+    /// Steps that the campaign's features and pictures cover.
+    pub(super) wanted: u64,
+    /// Whether the campaign is complete.
+    pub(super) is_complete: bool,
+}
 
 /// The interpretation of the tracks.
+#[derive(Debug)]
 pub(super) struct Assumed {
     pub(super) robots: u32,
     /// First and last frame.
@@ -18,15 +31,11 @@ pub(super) struct Assumed {
     pub(super) missing: u64,
     /// Share of the sightings with a heading, 0 to 1.
     pub(super) share_of_headings: f64,
-    /// Time from one frame to the next, in units of the world's time.
-    pub(super) frame_time: f64,
-    /// World units in one unit of the tracks.
-    pub(super) scale: f64,
-    /// Steps that features and picture cover.
-    pub(super) steps: u64,
-    /// Steps that the campaign's features and pictures cover.
-    wanted: u64,
-    arena: Option<Arena>,
+    pub(super) compared: Compared,
+    /// The robots that are left out, with the number of frames in which each is seen.
+    left_out: Vec<(RobotName, u64)>,
+    /// Number of lines below the header that were skipped.
+    header_lines: usize,
     /// Whether the direction of sensors depends on an unknown controller.
     looks_unknown: bool,
     /// Whether the number of robots of each species is unknown.
@@ -39,53 +48,29 @@ pub(super) struct Assumed {
 
 impl Assumed {
     pub(super) fn of(
-        asked: &Recognise,
+        compared: Compared,
         tracks: &Tracks,
         controller: &Controller,
-        world: &World,
+        is_known: bool,
         campaign: &CampaignSpec,
-    ) -> Result<Self, TracksError> {
+    ) -> Self {
         let model = controller.model();
         let is_free = model
             .species()
             .iter()
             .any(|species| species.robot().free_angles().next().is_some());
-        let mut assumed = Self {
+        Self {
             robots: tracks.robots(),
             frames: tracks.frames(),
             missing: tracks.missing(),
             share_of_headings: tracks.share_of_headings(),
-            frame_time: asked.frame_time.unwrap_or(world.dt()),
-            scale: 1.0,
-            steps: 0,
-            wanted: 0,
-            arena: asked.arena,
-            looks_unknown: asked.controller.is_none() && is_free,
-            counts_unknown: asked.controller.is_none()
-                && model.ratios().len() > 1
-                && tracks.counts(model)?.is_none(),
+            compared,
+            left_out: tracks.left_out().to_vec(),
+            header_lines: tracks.header_lines(),
+            looks_unknown: !is_known && is_free,
+            counts_unknown: !is_known && model.ratios().len() > 1 && !tracks.names_species(),
             campaign_robots: campaign.world().agents(),
             campaign_starts: campaign.starts().into(),
-        };
-        assumed.scale = assumed.filmed(world)?.scale();
-        Ok(assumed)
-    }
-
-    /// The scale between film and world.
-    pub(super) fn filmed<'a>(&self, world: &'a World) -> Result<Filmed<'a>, Invalid> {
-        let filmed = Filmed::new(world).with_frame_time(self.frame_time)?;
-        match self.arena {
-            Some(Arena(sides)) => filmed.with_arena(sides),
-            None => Ok(filmed),
-        }
-    }
-
-    /// Sets the number of steps in the tracks, and the number of steps that the campaign uses.
-    pub(super) fn with_steps(self, steps: u64, wanted: u64) -> Self {
-        Self {
-            steps,
-            wanted,
-            ..self
         }
     }
 
@@ -96,12 +81,33 @@ impl Assumed {
             0 => String::new(),
             missing => format!(", {missing} of the rows missing"),
         };
+        let (frames, Understood { inside, width }) =
+            (u64::from(last) - u64::from(first) + 1, self.compared.understood);
         errln!(
-            "tracks: {} in frames {first} to {last}{missing}; a frame lasts {}, a unit is {} in the world",
+            "tracks: {}, {} ({first} to {last}{missing}); a frame lasts {}, a unit is {} in the world; {:.0} % of the positions are \
+             inside the walls, the swarm is {} units wide",
             counted(self.robots.into(), "robot"),
-            self.frame_time,
-            self.scale
+            counted(frames, "frame"),
+            self.compared.frame_time,
+            self.compared.scale,
+            100.0 * inside,
+            rounded(width, 0)
         );
+        for (robot, seen) in &self.left_out {
+            errln!(
+                "left out: robot {robot}, which is seen in {}",
+                counted(*seen, "frame")
+            );
+        }
+        if self.header_lines > 0 {
+            errln!(
+                "skipped: {} below the names of the columns",
+                counted(self.header_lines as u64, "line")
+            );
+        }
+        if !self.compared.is_complete {
+            errln!("the campaign is not complete: its archive and clusters may change");
+        }
         if self.share_of_headings < 1.0 {
             errln!(
                 "assumed: a robot looks where it moves, in the {:.0} % of the rows that have no heading",
@@ -133,11 +139,11 @@ impl Assumed {
                 self.campaign_starts
             );
         }
-        if self.steps < self.wanted {
+        if self.compared.steps < self.compared.wanted {
             errln!(
                 "the tracks last only {}, but the campaign's features and pictures show {}: distances mean less",
-                counted(self.steps, "step"),
-                self.wanted
+                counted(self.compared.steps, "step"),
+                self.compared.wanted
             );
         }
     }
@@ -212,14 +218,5 @@ mod tests {
             refused.contains("[6, 1] robots of the species, and the swarm may have [3, 4] or [4, 3]"),
             "{refused}"
         );
-    }
-
-    #[test]
-    fn an_arena_is_two_lengths() {
-        let sides = |text: &str| text.parse::<Arena>().map(|arena| arena.0);
-        assert_eq!(sides("4x2.5"), Ok([4.0, 2.5]));
-        for bad in ["", "4", "4x", "4x0", "-4x2", "4xinf", "4x2x1"] {
-            assert!(sides(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -1,11 +1,17 @@
 //! Tests of gaps, units, and headings that are missing in a file of tracks.
 
 use super::*;
+use crate::{Axes, Origin, Reading, TracksFile, YAxis};
+use murmuration_model::csv_file::ColumnNames;
 use murmuration_swarm::World;
 use std::{f64::consts::FRAC_PI_2, path::Path};
 
+fn file(text: &[u8]) -> TracksFile<&[u8]> {
+    TracksFile::open(Path::new("t.csv"), text, ColumnNames::default()).unwrap()
+}
+
 fn tracks(text: &str) -> Tracks {
-    Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec()).unwrap()
+    Tracks::read(file(text.as_bytes()), Reading::default()).unwrap()
 }
 
 /// The tracks of robot 0: `frames` has the number of each frame and the robot's x; its y is always 100.
@@ -137,4 +143,22 @@ fn a_robot_crosses_the_edge_of_a_torus_the_shorter_way() {
     let film = line(&[(0, 490.0), (2, 10.0)]);
     let motion = film.ending(9, &Filmed::new(&world)).unwrap();
     assert_eq!(motion[1][0], [500.0, 100.0, 0.0]);
+}
+
+#[test]
+fn axes_may_begin_in_the_middle_and_y_may_point_up() {
+    let world = World::default();
+    let arena = |origin, y| {
+        let filmed = Filmed::new(&world).with_arena([4.0, 2.0]).unwrap();
+        filmed.with_axes(Axes { origin, y })
+    };
+    let place = |film: &str, filmed: &Filmed<'_>| tracks(film).ending(1, filmed).unwrap()[0][0];
+    // The arena's height is half its width, so 125 world units are free above it and below it.
+    let film = "frame,robot,x,y,heading\n0,0,1,0.5,0.25\n1,0,1,0.5,0.25\n";
+    let corner = |y| place(film, &arena(Origin::Corner, y));
+    assert_eq!(corner(YAxis::Down), [125.0, 187.5, 0.25]);
+    assert_eq!(corner(YAxis::Up), [125.0, 312.5, -0.25]);
+    let centre = |y| place(film, &arena(Origin::Centre, y));
+    assert_eq!(centre(YAxis::Down), [375.0, 312.5, 0.25]);
+    assert_eq!(centre(YAxis::Up), [375.0, 187.5, -0.25]);
 }
