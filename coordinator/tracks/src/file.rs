@@ -334,3 +334,237 @@ pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_swarm::CampaignSpec;
+
+    fn parsed(text: &str) -> Result<Tracks, TracksError> {
+        read(text, Reading::default())
+    }
+
+    fn read(text: &str, reading: Reading) -> Result<Tracks, TracksError> {
+        let file = TracksFile::open(Path::new("t.csv"), text.as_bytes(), ColumnNames::default())?;
+        Tracks::read(file, reading)
+    }
+
+    fn named(text: &str, columns: &str) -> Result<Tracks, TracksError> {
+        let file = TracksFile::open(Path::new("t.csv"), text.as_bytes(), columns.parse()?)?;
+        Tracks::read(file, Reading::default())
+    }
+
+    /// The sightings of a robot.
+    fn sightings<'a>(tracks: &'a Tracks, robot: &str) -> &'a BTreeMap<u32, Sighting> {
+        let named = tracks.robots.iter().find(|own| own.name.to_string() == robot);
+        &named.unwrap().sightings
+    }
+
+    #[test]
+    fn columns_are_found_by_name_and_headings_may_be_missing() {
+        let tracks = parsed("time,robot,y,x,frame\n0.1,7,2,1,10\n0.2,7,4,3,12\n0.1,3,6,5,10\n").unwrap();
+        assert_eq!((tracks.robots(), tracks.frames()), (2, [10, 12]));
+        assert_eq!(sightings(&tracks, "7")[&12].at, [3.0, 4.0]);
+        assert_eq!(tracks.share_of_headings(), 0.0);
+        // Both robots miss frame 11, and robot 3 misses frame 12.
+        assert_eq!(tracks.missing(), 3);
+        let some = parsed("frame,robot,x,y,heading\n0,0,1,1,0.5\n1,0,1,1,\n").unwrap();
+        assert_eq!(some.share_of_headings(), 0.5);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_line_and_column() {
+        let check = |text: &str, message: &str| assert_eq!(parsed(text).unwrap_err().to_string(), message);
+        check(
+            "frame,x,y\n1,2,3\n",
+            "t.csv, line 1: there is no column \"robot\"; its columns are frame, x, y",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,4\n1.5,2,3,4\n",
+            "t.csv, line 3: frame = \"1.5\": must be a whole number from 0 to 4294967295",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,inf\n",
+            "t.csv, line 2: y = \"inf\": must be a finite number",
+        );
+        check(
+            "frame,robot,x,y,heading\n1,2,3,4,north\n",
+            "t.csv, line 2: heading = \"north\": must be a finite number",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,4\n1,2,3,5\n",
+            "t.csv, line 3: frame = \"1\": must be a frame that robot 2 is in once",
+        );
+        check("frame,robot,x,y\n", "t.csv: no robot is seen in it");
+    }
+
+    #[test]
+    fn robots_of_each_species_are_counted() {
+        let text = "ratios = [[1, 2], [2, 1]]\n[[species]]\nname = \"a\"\nmodel = \"turbopi\"\n\
+                    [[species]]\nname = \"b\"\nmodel = \"turbopi\"\n";
+        let (model, _) = CampaignSpec::robots_from_toml(text).unwrap();
+        let frames = [vec![[0.0; 3]; 3], vec![[1.0; 3]; 3]];
+        let counts = |species: &[&str]| {
+            let mut tracks = parsed(&to_csv(&frames, species)).unwrap();
+            let counts = tracks.order_by_species(&model).map_err(|error| error.to_string());
+            counts.map(|counts| {
+                (
+                    counts,
+                    tracks
+                        .robots
+                        .iter()
+                        .map(|robot| robot.name.to_string())
+                        .collect::<String>(),
+                )
+            })
+        };
+        assert_eq!(counts(&["a", "a", "b"]), Ok((Some(vec![2, 1]), "012".to_owned())));
+        assert_eq!(counts(&["b", "a", "b"]), Ok((Some(vec![1, 2]), "102".to_owned())));
+        assert_eq!(counts(&[]), Ok((None, "012".to_owned())));
+        let refused = |species: &[&str]| counts(species).unwrap_err();
+        assert_eq!(
+            refused(&["a", "c", "b"]),
+            "t.csv: robot 1 is of species \"c\": there are a, b"
+        );
+        assert_eq!(
+            refused(&["a", "", "b"]),
+            "t.csv: robot 1 has no species, and others have one"
+        );
+        let two = parsed("frame,robot,x,y,species\n0,4,1,1,a\n1,4,1,1,b\n").unwrap_err();
+        assert_eq!(
+            two.to_string(),
+            "t.csv, line 3: species = \"b\": must be the one that robot 4 has in other rows"
+        );
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let frames = vec![vec![[0.1, 1.0 / 3.0, -4.0]; 2], vec![[1e-7, 250.0, -10.0]; 2]];
+        let tracks = parsed(&to_csv(&frames, &[])).unwrap();
+        let heading = |robot: &str, frame: u32| sightings(&tracks, robot)[&frame].heading;
+        assert_eq!(sightings(&tracks, "1")[&0].at, [0.1, 1.0 / 3.0]);
+        assert_eq!((heading("0", 1), heading("1", 0)), (Some(-10.0), Some(-4.0)));
+        assert_eq!(tracks.missing(), 0);
+    }
+
+    #[test]
+    fn files_of_other_tools_are_read() {
+        // trackpy and pandas write whole numbers as 0.0, and NaN where they have no value.
+        let tracks = parsed(
+            "frame,robot,x,y,heading\n0.0,7.0,1,2,nan\n1.0,7.0,NaN,NA\n2.0,7.0,3,4,\n"
+                .replace("NA\n", "NA,\n")
+                .as_str(),
+        )
+        .unwrap();
+        assert_eq!(
+            (tracks.frames(), tracks.missing(), tracks.share_of_headings()),
+            ([0, 2], 1, 0.0)
+        );
+        let one = parsed("frame,robot,x,y\n0,7,1,2\n1,7,NaN,3\n").unwrap_err();
+        assert_eq!(
+            one.to_string(),
+            "t.csv, line 3: x = \"NaN\": must be a finite number"
+        );
+        // SLEAP names its tracks, and has other columns.
+        let sleap = "robot=track,frame=frame_idx,x=body.x,y=body.y";
+        let text = "track,frame_idx,body.x,body.y,x\ntrack_10,0,1,2,9\ntrack_2,0,3,4,9\n";
+        let tracks = named(text, sleap).unwrap();
+        let names: Vec<String> = tracks.robots.iter().map(|robot| robot.name.to_string()).collect();
+        assert_eq!(names, ["\"track_2\"", "\"track_10\""]);
+        let lacking = named("track,frame_idx,x,y\n", sleap).unwrap_err().to_string();
+        assert!(lacking.contains("there is no column \"body.x\""), "{lacking}");
+        // TrackMate has three more lines of names and units.
+        let columns = "robot=TRACK_ID,frame=FRAME,x=POSITION_X,y=POSITION_Y";
+        let text = "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Track ID,X,Y,Frame\nLabel,Track ID,X,Y,Frame\n,,(micron),(micron),\nID0,0,1,2,0\n";
+        let trackmate = named(text, columns).unwrap();
+        assert_eq!((trackmate.header_lines(), trackmate.robots()), (3, 1));
+        let unknown = named(text, "id=robot").unwrap_err();
+        assert!(
+            unknown
+                .to_string()
+                .contains("columns = \"id\": must be names for columns among")
+        );
+    }
+
+    #[test]
+    fn headings_in_degrees_are_found() {
+        let head = "frame,robot,x,y,heading\n0,0,1,1,0.1\n1,0,1,1,";
+        let refused = parsed(&format!("{head}49.7\n")).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "t.csv, line 3: the heading 49.7 is beyond a whole turn of 2 pi radians"
+        );
+        let degrees = Reading {
+            degrees: true,
+            ..Reading::default()
+        };
+        let tracks = read(&format!("{head}180\n"), degrees).unwrap();
+        assert_eq!(sightings(&tracks, "0")[&1].heading, Some(std::f64::consts::PI));
+        // Headings may be counted on over a whole turn.
+        let turning: String = (0..50)
+            .map(|frame| format!("{frame},0,1,1,{}\n", 0.5 * f64::from(frame)))
+            .collect();
+        assert!(parsed(&format!("frame,robot,x,y,heading\n{turning}")).is_ok());
+    }
+
+    #[test]
+    fn only_the_end_of_a_film_is_kept() {
+        let rows: String = (0..1000)
+            .map(|frame| format!("{frame},0,{frame},1\n{frame},1,{frame},2\n"))
+            .collect();
+        let text = format!("frame,robot,x,y\n{rows}2000,0,1,1\n");
+        let tracks = read(
+            &text,
+            Reading {
+                frames: 100,
+                ..Reading::default()
+            },
+        )
+        .unwrap();
+        // The last sighting of each robot before the kept frames shows how long its gap is.
+        assert_eq!(
+            sightings(&tracks, "0").keys().copied().collect::<Vec<_>>(),
+            [999, 2000]
+        );
+        assert_eq!(tracks.missing(), 2 * 2001 - 2001);
+        let tracks = read(
+            &format!("frame,robot,x,y\n{rows}"),
+            Reading {
+                frames: 100,
+                ..Reading::default()
+            },
+        )
+        .unwrap();
+        assert_eq!(
+            sightings(&tracks, "1").keys().copied().collect::<Vec<_>>(),
+            (873..1000).collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn robots_that_are_seldom_seen_can_be_left_out() {
+        let rows: String = (0..50).map(|frame| format!("{frame},0,1,1\n")).collect();
+        let text = format!("frame,robot,x,y\n{rows}20,1,2,2\n21,1,2,2\n");
+        let tracks = read(
+            &text,
+            Reading {
+                min_frames: Some(3),
+                ..Reading::default()
+            },
+        )
+        .unwrap();
+        assert_eq!(
+            (tracks.robots(), tracks.left_out().len(), tracks.left_out()[0].1),
+            (1, 1, 2)
+        );
+        let none = read(
+            &text,
+            Reading {
+                min_frames: Some(51),
+                ..Reading::default()
+            },
+        )
+        .unwrap_err();
+        assert_eq!(none.to_string(), "t.csv: no robot is seen in it");
+    }
+}

@@ -133,3 +133,88 @@ impl Tracks {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Axes, Origin, Reading, TracksFile, YAxis};
+    use murmuration_model::csv_file::ColumnNames;
+    use murmuration_swarm::World;
+    use std::path::Path;
+
+    fn file(text: &[u8]) -> TracksFile<&[u8]> {
+        TracksFile::open(Path::new("t.csv"), text, ColumnNames::default()).unwrap()
+    }
+
+    /// What is understood of 24 robots in a square with this corner and side, in 60 frames.
+    fn understood(corner: f64, side: f64, filmed: &Filmed<'_>) -> Result<Understood, String> {
+        let rows: String = (0..60 * 24)
+            .map(|row| {
+                let (frame, robot) = (row / 24, row % 24);
+                let place = |step: i32| corner + side * f64::from(robot * step % 24) / 23.0;
+                format!("{frame},{robot},{},{}\n", place(1), place(7))
+            })
+            .collect();
+        let text = format!("frame,robot,x,y\n{rows}");
+        let tracks = Tracks::read(file(text.as_bytes()), Reading::default()).unwrap();
+        tracks.understood(100, filmed).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn positions_outside_the_walls_are_refused_with_the_box_that_they_span() {
+        let world = World::default();
+        let inside = understood(100.0, 200.0, &Filmed::new(&world)).unwrap();
+        assert_eq!(
+            inside,
+            Understood {
+                inside: 1.0,
+                width: 200.0
+            }
+        );
+        assert_eq!(
+            understood(700.0, 200.0, &Filmed::new(&world)).unwrap_err(),
+            "t.csv: 0 % of the positions are inside the walls (x 0 to 500, y 0 to 500); the positions span x 700 to 900, y 700 \
+             to 900"
+        );
+        let centred = Filmed::new(&world).with_axes(Axes {
+            origin: Origin::Centre,
+            y: YAxis::Up,
+        });
+        assert!(understood(-150.0, 200.0, &Filmed::new(&world)).is_err());
+        assert_eq!(understood(-150.0, 200.0, &centred).unwrap().inside, 1.0);
+    }
+
+    #[test]
+    fn a_swarm_in_a_corner_of_the_world_is_refused_and_a_dense_one_is_not() {
+        let world = World::default();
+        let metres = understood(0.2, 1.5, &Filmed::new(&world)).unwrap_err();
+        assert!(metres.contains("which is 0 % of the arena"), "{metres}");
+        let filmed = Filmed::new(&world).with_arena([2.0, 2.0]).unwrap();
+        assert_eq!(understood(0.2, 1.5, &filmed).unwrap().width, 375.0);
+        // 24 robots with a radius of 5 fit into a square with a side of 50, and into none with a side of 10.
+        assert!(understood(200.0, 40.0, &Filmed::new(&world)).is_ok());
+        assert!(understood(200.0, 10.0, &Filmed::new(&world)).is_err());
+    }
+
+    #[test]
+    fn a_robot_that_is_seldom_seen_is_refused_with_its_frames() {
+        let world = World::default();
+        let rows: String = (0..60).map(|frame| format!("{frame},0,100,100\n")).collect();
+        let text = format!("frame,robot,x,y\n{rows}20,ghost,2,2\n21,ghost,2,2\n40,ghost,2,2\n");
+        let read = |min_frames| {
+            let reading = Reading {
+                min_frames,
+                ..Reading::default()
+            };
+            let tracks = Tracks::read(file(text.as_bytes()), reading).unwrap();
+            tracks
+                .understood(100, &Filmed::new(&world))
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(
+            read(None).unwrap_err(),
+            "t.csv: robot \"ghost\" is seen in only 3 of 60 frames (20, 21, 40)"
+        );
+        assert!(read(Some(1)).is_ok() && read(Some(4)).is_ok());
+    }
+}

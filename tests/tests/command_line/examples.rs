@@ -15,7 +15,7 @@ const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
 /// Rules for examples, by the beginning of the example.
-const RULES: [(&str, Rule); 20] = [
+const RULES: [(&str, Rule); 22] = [
     (
         "murmuration run examples/quick.toml",
         NotRun("the README has it too"),
@@ -25,13 +25,24 @@ const RULES: [(&str, Rule); 20] = [
         Before("mv certs other-certs"),
     ),
     (
+        "murmuration label latest --csv label-studio.csv",
+        Before(
+            "printf 'id,choice,created_at,image,annotator\\n4,ring,2026-11-20T10:00:00Z,ab12cd34-00003.png,ana\\n' \
+             >label-studio.csv",
+        ),
+    ),
+    (
+        "murmuration recognise sleap.csv",
+        Before("sed '1s/.*/frame_idx,track,body.x,body.y,heading/' tracks.csv >sleap.csv"),
+    ),
+    (
         "murmuration label latest",
-        Before("printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
+        Before("printf 'index,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
     ),
     (
         "murmuration labels latest",
         Before(
-            "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv\n\
+            "printf 'index,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv\n\
              murmuration label latest --csv my.csv --annotator ana\n\
              rm -f labels.csv",
         ),

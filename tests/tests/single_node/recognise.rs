@@ -157,3 +157,149 @@ fn a_film_of_another_pace_in_other_units_shows_the_same() {
         (4 * 400 + 3 * 8, 400)
     );
 }
+
+/// A row of a film: frame, robot, x, y and heading.
+type FilmRow<'a> = [&'a str; 5];
+
+/// The film in another form: `head`, and each row as `written` writes it.
+fn rewritten(film: &str, head: &str, written: impl Fn(FilmRow<'_>) -> String) -> String {
+    let rows = film.lines().skip(1).map(|row| {
+        let cells: Vec<&str> = row.split(',').collect();
+        written([cells[0], cells[1], cells[2], cells[3], cells[4]])
+    });
+    format!("{head}\n{}\n", rows.collect::<Vec<_>>().join("\n"))
+}
+
+fn number(cell: &str) -> f64 {
+    cell.parse().unwrap()
+}
+
+/// Each form of a film that a person must be able to use, with the options for it.
+fn readable(film: &str) -> Vec<(&'static str, String, Vec<&'static str>)> {
+    let plain = "frame,robot,x,y,heading";
+    vec![
+        (
+            "SLEAP",
+            rewritten(
+                film,
+                "track,frame_idx,body.x,body.y,body.score,angle",
+                |[frame, robot, x, y, heading]| format!("track_{robot},{frame},{x},{y},0.9,{heading}"),
+            ),
+            vec![
+                "--columns",
+                "frame=frame_idx,robot=track,x=body.x,y=body.y,heading=angle",
+            ],
+        ),
+        (
+            "TrackMate",
+            rewritten(
+                film,
+                "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME,A\nLabel,Track ID,X,Y,Frame,A\nLabel,Track ID,X,Y,Frame,A\n,,(micron),(micron),,(rad)",
+                |[frame, robot, x, y, heading]| format!("ID{robot},{robot},{x},{y},{frame},{heading}"),
+            ),
+            vec![
+                "--columns",
+                "frame=FRAME,robot=TRACK_ID,x=POSITION_X,y=POSITION_Y,heading=A",
+            ],
+        ),
+        (
+            "trackpy, with CR as the end of lines",
+            rewritten(film, plain, |[frame, robot, x, y, heading]| {
+                format!("{frame}.0,{robot}.0,{x},{y},{heading}")
+            })
+            .replace('\n', "\r"),
+            vec![],
+        ),
+        (
+            "y up, with the origin in the middle",
+            rewritten(film, plain, |[frame, robot, x, y, heading]| {
+                format!(
+                    "{frame},{robot},{},{},{}",
+                    number(x) - 250.0,
+                    250.0 - number(y),
+                    -number(heading)
+                )
+            }),
+            vec!["--origin", "centre", "--y", "up"],
+        ),
+        (
+            "degrees, at 25 frames a second",
+            rewritten(film, plain, |[frame, robot, x, y, heading]| {
+                format!("{frame},{robot},{x},{y},{}", number(heading).to_degrees())
+            }),
+            vec!["--degrees", "--fps", "1"],
+        ),
+        (
+            "a ghost",
+            format!("{film}150,ghost,1,1,0\n151,ghost,1,1,0\n"),
+            vec!["--min-frames", "3"],
+        ),
+    ]
+}
+
+#[test]
+fn films_of_other_tools_are_read_with_their_options() {
+    let studio = Studio::open();
+    let (_, film) = studio.film(40);
+    for (tool, film, options) in readable(&film) {
+        let found = studio.recognise(&film, &options);
+        let nearest = &found["neighbours"][0];
+        assert_eq!(nearest["index"], 40, "{tool}: {found}");
+        let distance = nearest["distance"].as_f64().unwrap();
+        assert!(distance < 1e-3, "{tool}: {distance}");
+    }
+}
+
+#[test]
+fn films_that_cannot_be_meant_are_refused_with_the_option_that_mends_them() {
+    let studio = Studio::open();
+    let (_, film) = studio.film(40);
+    let plain = "frame,robot,x,y,heading";
+    let moved = |by: f64| {
+        rewritten(&film, plain, |[frame, robot, x, y, heading]| {
+            format!("{frame},{robot},{},{y},{heading}", number(x) + by)
+        })
+    };
+    let metres = rewritten(&film, plain, |[frame, robot, x, y, heading]| {
+        format!(
+            "{frame},{robot},{},{},{heading}",
+            number(x) / 250.0,
+            number(y) / 250.0
+        )
+    });
+    let degrees = rewritten(&film, plain, |[frame, robot, x, y, heading]| {
+        format!("{frame},{robot},{x},{y},{}", number(heading).to_degrees())
+    });
+    let one_missing = rewritten(&film, plain, |[frame, robot, x, y, heading]| {
+        match [frame, robot] {
+            ["100", "7"] => format!("100,7,NaN,{y},{heading}"),
+            _ => format!("{frame},{robot},{x},{y},{heading}"),
+        }
+    });
+    for (film, expected) in [
+        (moved(600.0), "0 % of the positions are inside the walls"),
+        (moved(-250.0), "--origin centre"),
+        (metres, "--arena WIDTHxHEIGHT"),
+        (degrees, "--degrees"),
+        (
+            format!("{film}150,ghost,1,1,0\n151,ghost,1,1,0\n"),
+            "is seen in only 2 of",
+        ),
+        (
+            film.replace("frame,robot", "frame_idx,track"),
+            "--columns frame=NAME",
+        ),
+        (one_missing, "x = \"NaN\": must be a finite number"),
+    ] {
+        let path = studio.path("film.csv");
+        fs::write(&path, film).unwrap();
+        let refused = studio
+            .murmuration
+            .run(&["recognise", &path.display().to_string()]);
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains(expected),
+            "{expected}: {}",
+            refused.stderr
+        );
+    }
+}
