@@ -9,13 +9,13 @@ use super::{
     launch::{Launch, TogetherArgs, is_interrupted},
     next_step, quoted,
     report::write_report,
-    validation::{self, get_digest, validated},
+    validation::{self, Validated as _, get_campaign, get_digest, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
-use murmuration_proto::v1;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_store::{DataDirectory, StoreError, blocking::interruptible};
 use murmuration_swarm::{CampaignSpec, counted};
 use std::{
@@ -38,6 +38,10 @@ pub struct Run {
     /// Seed of the search and the training, used instead of the file's seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Go on with the newest campaign of this specification in the data directory, if there is one that was not cancelled; if it is
+    /// complete, print its report
+    #[arg(long = "continue")]
+    goes_on: bool,
     #[command(flatten)]
     in_process: InProcessArgs,
     #[command(flatten)]
@@ -164,13 +168,25 @@ impl Run {
             Runtime::load()?;
         }
         let run = async |connection: &mut Connection| {
-            let request = v1::CreateCampaignRequest {
-                campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
-                request_id: launch.map(Launch::request_id).unwrap_or_default().to_owned(),
-                ..v1::CreateCampaignRequest::default()
+            let former = match self.goes_on {
+                true => newest_of(connection, spec).await?,
+                false => None,
             };
-            let mut campaign = validated(connection.client.create_campaign(request).await?)?;
-            if launch.is_some() && is_interrupted(&campaign) {
+            let goes_on = launch.is_some() || former.is_some();
+            let mut campaign = match former {
+                Some(former) => former,
+                None => {
+                    let request = v1::CreateCampaignRequest {
+                        campaign: Some(v1::create_campaign_request::Campaign::Spec(spec.into())),
+                        request_id: launch.map(Launch::request_id).unwrap_or_default().to_owned(),
+                        ..v1::CreateCampaignRequest::default()
+                    };
+                    validated(connection.client.create_campaign(request).await?)?
+                }
+            };
+            let has_stopped =
+                [v1::CampaignState::Paused, v1::CampaignState::Failed].contains(&campaign.state());
+            if goes_on && (is_interrupted(&campaign) || self.goes_on && has_stopped) {
                 let request = v1::ResumeCampaignRequest {
                     campaign: campaign.id.clone(),
                 };
@@ -216,6 +232,20 @@ impl Run {
     }
 }
 
+/// The newest campaign of a specification, unless it was cancelled.
+async fn newest_of(
+    connection: &mut Connection,
+    spec: &CampaignSpec,
+) -> Result<Option<v1::Campaign>, CliError> {
+    let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
+    let all = whole(listed.await?.into_inner()).await?.campaigns.validated()?;
+    let wanted = v1::CampaignSpec::from(spec);
+    let is_wanted = |campaign: &v1::Campaign| {
+        campaign.spec.as_ref() == Some(&wanted) && campaign.state() != v1::CampaignState::Cancelled
+    };
+    Ok(all.into_iter().rev().find(is_wanted))
+}
+
 /// Holds a data directory, which a short command or the same launch before may still hold, within this time. Dropping the future
 /// ends the wait for a holder on another machine.
 pub(super) async fn hold_within(limit: Duration, data: &Path) -> Result<DataDirectory, StoreError> {
@@ -235,8 +265,13 @@ impl Resume {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let in_process = self.in_process.some()?;
         let resume = async |connection: &mut Connection| {
+            let campaign = get_campaign(&mut connection.client, &self.campaign).await?;
+            if campaign.state() == v1::CampaignState::Completed {
+                errln!("campaign {} is complete", campaign.id);
+                return Ok(campaign);
+            }
             let request = v1::ResumeCampaignRequest {
-                campaign: self.campaign,
+                campaign: campaign.id,
             };
             let campaign = validated(connection.client.resume_campaign(request).await?)?;
             if connection.is_own() {

@@ -299,9 +299,9 @@ fn what_fails_is_named_with_exit_code_1() {
         "small-1 has no individual 100: its archive holds 100",
     );
     desk.check(
-        &["resume", "small-1"],
+        &["pause", "small-1"],
         1,
-        "cannot resume campaign small-1: it was already completed",
+        "cannot pause campaign small-1: it was already completed",
     );
     desk.check(
         &["submit", &spec],
