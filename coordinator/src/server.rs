@@ -169,8 +169,14 @@ async fn open_data(options: Options) -> Result<(Options, ClosedOnDrop, Checkpoin
         None => None,
     };
     // Opening can take long if the database has an older schema, and a signal may end it.
-    let open = move || (Store::open(&options.data), options);
-    let (store, options) = blocking(open).await.map_err(StoreError::from)?;
+    let open = move || {
+        let store = match &claimed {
+            Some(claimed) => Store::open_claimed(&options.data, claimed),
+            None => Store::open(&options.data),
+        };
+        (store, claimed, options)
+    };
+    let (store, claimed, options) = blocking(open).await.map_err(StoreError::from)?;
     let mut store = ClosedOnDrop(store?);
     let mut mirrored_checkpoints = None;
     if let Some(claimed) = claimed {

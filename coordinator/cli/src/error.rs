@@ -221,6 +221,7 @@ impl From<StoreError> for CliError {
         match error {
             StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
+            | StoreError::Mirrored { .. }
             | StoreError::NoCampaign(_)
             | StoreError::NoStudy(_)
             | StoreError::NoCheckpoint(_)

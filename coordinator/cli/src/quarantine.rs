@@ -70,7 +70,8 @@ fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
     };
     // The command holds the data directory until the quarantine is lifted.
     let directory = DataDirectory::take_over_existing(&global.data).map_err(held)?;
-    let store = Store::open(&directory)?;
+    // The next `serve --mirror` writes the whole database into the mirror.
+    let store = Store::open_beside_mirror(&directory)?;
     if !store.lift_quarantine(machine)? {
         return Err(CliError::Input(format!(
             "machine {machine} is not quarantined: `murmuration quarantine` lists the machines that are"

@@ -169,6 +169,8 @@ impl v1::label_service_server::LabelService for LabelApi {
             let answers = answers.map_err(CampaignError::from).or_status()?;
             self.add(record.id.to_string(), request, answers).await?
         } else {
+            // The mirror may lack the entries of the first request, and this waits for it.
+            self.store.reach_mirror().await.or_status()?;
             before
         };
         Ok(in_parts(messages::appended(entries)))

@@ -47,12 +47,14 @@ impl IntoStatus for StoreError {
             // Another coordinator has the data now.
             StoreError::Interrupted(_)
             | StoreError::TakenOver(_)
+            | StoreError::Replaced(_)
             | StoreError::MirrorTaken(_)
             | StoreError::Unmirrored { .. } => Status::unavailable(message),
             StoreError::Damaged { .. } => Status::data_loss(message),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
+            | StoreError::Mirrored { .. }
             | StoreError::Newer { .. }
             | StoreError::Unshared { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(message),

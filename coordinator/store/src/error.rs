@@ -123,9 +123,26 @@ pub enum StoreError {
          `lease` was removed: this process changes nothing more"
     )]
     TakenOver(PathBuf),
+    /// The database's file was removed or replaced.
+    #[error(
+        "the database {0} was removed or replaced while this process used it: this process changes nothing more. End it, and bring \
+         the file back"
+    )]
+    Replaced(PathBuf),
     /// Another process has gone on from the mirror of this process.
     #[error("another coordinator has gone on from the mirror {0}: this process changes nothing more")]
     MirrorTaken(String),
+    /// The data directory has a mirror, which this process was not told to use.
+    #[error(
+        "data directory {data} has the mirror {mirror}, which would lack every change: start `murmuration serve --mirror {mirror}`, and \
+         let commands ask that coordinator. To go on without the mirror for good, remove {file} from the data directory"
+    )]
+    Mirrored {
+        data: PathBuf,
+        mirror: String,
+        /// Name of the file that says so.
+        file: &'static str,
+    },
     /// The mirror does not work, so no change can be acknowledged.
     #[error(
         "the mirror {place} does not work ({reason}): decisions and labels wait for it, and campaigns go on; the refused request \
@@ -221,6 +238,12 @@ impl StoreError {
                 | Self::Locked { .. }
                 | Self::NoMirror { .. }
         )
+    }
+
+    /// Whether the change is stored although it cannot be acknowledged.
+    #[must_use]
+    pub const fn is_stored(&self) -> bool {
+        matches!(self, Self::Unmirrored { .. })
     }
 
     /// The cause alone of [`StoreError::Damaged`], for messages that name the database and the remedy themselves. Any other error

@@ -73,9 +73,12 @@ pub fn without_links(path: &Path) -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// The path of a database's log.
+/// The path of a database's log. If `database` is a link to the file, SQLite keeps the log beside the file itself.
 pub(crate) fn log_of(database: &Path) -> PathBuf {
-    with_suffix(database, "-wal")
+    match database.canonicalize() {
+        Ok(file) => with_suffix(&file, "-wal"),
+        Err(_) => with_suffix(database, "-wal"),
+    }
 }
 
 /// `path` with `suffix` after its name.

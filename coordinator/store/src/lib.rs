@@ -71,6 +71,7 @@ use readers::Readers;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::{
     io,
+    os::unix::fs::MetadataExt as _,
     path::Path,
     sync::{
         Arc, Mutex, PoisonError,
@@ -88,6 +89,8 @@ pub struct Store {
     path: Arc<Path>,
     /// The lease of the data directory, if the store can write.
     lease: Option<Arc<Lease>>,
+    /// Inode of the database's file, if the store can write and the file system is local.
+    inode: Option<u64>,
     /// The mirror to which the store sends its changes, if any.
     mirror: Option<Arc<Mirror>>,
     /// Whether the disk failed during a change, so that an unknown part of the change was written. Read and set this flag only
@@ -113,19 +116,44 @@ impl Store {
     /// is larger than a gigabyte, only `murmuration doctor` checks its structure.
     ///
     /// # Errors
-    /// The error names the cause: the file is not a database, is damaged, is read-only or is of a newer version, or the disk is
-    /// full.
+    /// The error names the cause: the file is not a database, is damaged, is read-only or is of a newer version, the disk is full, or
+    /// the directory has a mirror.
     pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
+        mirror::expect_none(directory.path())?;
+        Self::opened(directory)
+    }
+
+    /// As [`Store::open`], for a directory whose mirror this process has taken: [`Store::mirrored`] must follow.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_claimed(directory: &DataDirectory, _claimed: &Claimed) -> Result<Self, StoreError> {
+        Self::opened(directory)
+    }
+
+    /// As [`Store::open`], for a directory whose mirror will get a new snapshot before anything else.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_beside_mirror(directory: &DataDirectory) -> Result<Self, StoreError> {
+        Self::opened(directory)
+    }
+
+    fn opened(directory: &DataDirectory) -> Result<Self, StoreError> {
         let path = directory.path().join(Self::FILE);
         if !find_database(&path)? {
             open::create(directory.path())?;
         }
         let lease = directory.lease();
         let connection = open::to_write(&path, directory.file_system(), &|| lease.check())?;
+        let failed = |error| StoreError::from_io(error, "find the database", &path);
+        let inode = path.metadata().map_err(failed)?.ino();
         let readers = Arc::new(Readers::open(&path, directory.file_system())?);
         let store = Self {
             readers: Some(readers),
             lease: Some(lease),
+            // Elsewhere, numbers of files can change.
+            inode: Some(inode).filter(|_| directory.file_system().is_local()),
             ..Self::over(connection, &path)
         };
         store.check_lease()?;
@@ -139,7 +167,16 @@ impl Store {
     /// If the mirror does not work, or another process has gone on from it.
     pub async fn mirrored(mut self, claimed: Claimed) -> Result<Self, MirrorError> {
         self.mirror = Some(mirror::start(claimed, &self).await?);
+        mirror::note_snapshot(self.path.parent().unwrap_or(&self.path))?;
         Ok(self)
+    }
+
+    /// Waits until the mirror, if there is one, has all changes so far.
+    ///
+    /// # Errors
+    /// If the mirror does not work, or another process has gone on from it.
+    pub async fn reach_mirror(&self) -> Result<(), StoreError> {
+        self.change(|store| store.write(|_| Ok(()))).await
     }
 
     /// Returns, with the reason, when another process has gone on from the mirror: this process can change nothing then.
@@ -182,6 +219,7 @@ impl Store {
         Self {
             readers: None,
             lease: None,
+            inode: None,
             mirror: None,
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
@@ -326,8 +364,22 @@ impl Store {
         settled
     }
 
+    /// Fails if another process has taken the data directory over, or the database is not the one that was opened.
     fn check_lease(&self) -> Result<(), StoreError> {
-        self.lease.as_ref().map_or(Ok(()), |lease| lease.check())
+        let Some(lease) = &self.lease else {
+            return Ok(());
+        };
+        lease.check()?;
+        let Some(inode) = self.inode else {
+            return Ok(());
+        };
+        match self.path.metadata() {
+            Ok(file) if file.ino() == inode => Ok(()),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(StoreError::from_io(error, "find the database", &self.path))
+            }
+            _ => Err(StoreError::Replaced(self.path.to_path_buf())),
+        }
     }
 
     /// Writes a long log into the database. If an export keeps a part of the log in use, the next attempt is made when the log is

@@ -21,18 +21,23 @@ use crate::{
     objects::{NoPlace, Objects},
 };
 use bytes::Bytes;
-use entries::{Entries, Entry, Placed, What};
+use entries::{Entries, Entry, Listed, Placed, What};
 use murmuration_files::write_file;
 pub(crate) use progress::{End, Mirror};
+use restore::{Restore, has_data};
 pub(crate) use sending::start;
 use serde::{Deserialize, Serialize};
 use std::{
+    collections::BTreeMap,
     io,
+    os::unix::fs::MetadataExt as _,
     path::{self, Path, PathBuf},
 };
 
 /// The file of a data directory that names the entries of its processes in the mirror.
 const FILE: &str = "mirror.json";
+/// Payload of the claim of a process whose data directory has a database. Other claims have none.
+const CLAIM_WITH_DATA: &[u8] = b"data";
 /// Attempts to write the first entry, while a former coordinator still writes.
 const CLAIMS: usize = 20;
 
@@ -52,6 +57,11 @@ pub enum MirrorError {
     },
     #[error("the mirror {place} does not answer")]
     Silent { place: String },
+    #[error(
+        "the mirror has lost its entries: {0} is gone; mount its folder again, or bring it back. To write everything into the mirror \
+         anew, end this process, and remove mirror.json from the data directory"
+    )]
+    Gone(String),
     #[error("{object} in the mirror is damaged: {reason}")]
     Damaged { object: String, reason: String },
     #[error(
@@ -61,7 +71,7 @@ pub enum MirrorError {
     Foreign(String),
     #[error(
         "data directory {data} has a database, from which the mirror {place} does not go on: to go on from the mirror, name a new \
-         --data (the mirror has all that {data} acknowledged while it had this mirror)"
+         --data; what {data} acknowledged while it had this mirror is in the mirror, unless the mirror is damaged"
     )]
     NotEmpty { data: PathBuf, place: String },
     #[error(
@@ -78,6 +88,19 @@ pub enum MirrorError {
 }
 
 impl MirrorError {
+    /// Whether the mirror refused this process for good, so that no entry of it can be there.
+    const fn is_refusal(&self) -> bool {
+        matches!(
+            self,
+            Self::Foreign(_)
+                | Self::NotEmpty { .. }
+                | Self::NoFence(_)
+                | Self::Contested(_)
+                | Self::Gone(_)
+                | Self::Damaged { .. }
+        )
+    }
+
     const fn is_not_found(&self) -> bool {
         matches!(
             self,
@@ -97,20 +120,42 @@ impl From<NoPlace> for MirrorError {
 }
 
 /// The processes of a data directory that wrote to the mirror, as the data directory remembers them.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Writers {
+    /// The mirror.
+    #[serde(default)]
+    mirror: String,
     /// The process that holds the directory now, or held it last.
     writer: String,
     /// The process that wrote the newest entry before, in case that `writer` never wrote.
     former: String,
     /// Whether the directory's database is still being made from the mirror.
     restoring: bool,
+    /// Inode of the database that was made from the mirror, if it is complete.
+    #[serde(default)]
+    database: Option<u64>,
+    /// Whether the mirror has had a snapshot of the database.
+    #[serde(default)]
+    has_snapshot: bool,
 }
 
 impl Writers {
-    fn wrote(&self, entry: &Entry) -> bool {
+    /// Whether the directory's database, which has this inode, has all up to `entry`.
+    fn wrote(&self, entry: &Entry, database: Option<u64>) -> bool {
         let writers = [&self.writer, &self.former];
-        !self.restoring && !entry.writer.is_empty() && writers.contains(&&entry.writer)
+        let is_whole = !self.restoring || self.database.is_some_and(|restored| Some(restored) == database);
+        is_whole && !entry.writer.is_empty() && writers.contains(&&entry.writer)
+    }
+
+    /// Writes what was known before an attempt that has failed.
+    fn write_back(&self, data: &Path) -> Result<(), MirrorError> {
+        if !self.writer.is_empty() {
+            return self.write(data);
+        }
+        match std::fs::remove_file(data.join(FILE)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error.into()),
+            _ => Ok(()),
+        }
     }
 
     fn write(&self, data: &Path) -> Result<(), MirrorError> {
@@ -125,6 +170,8 @@ impl Writers {
 pub struct Claimed {
     entries: Entries,
     writer: String,
+    /// This process's first entry, and its number. It is never removed.
+    claim: (u64, Bytes),
     /// Number of the next entry.
     next: u64,
     /// Number of the database's log for the next entries.
@@ -137,87 +184,189 @@ pub struct Claimed {
 /// directory without a database gets the mirror's. After this, no other process can write to the mirror.
 ///
 /// # Errors
-/// See [`MirrorError`]. Nothing is written to a mirror that belongs to another data directory, unless `from_mirror` is true.
+/// See [`MirrorError`]. Nothing is written to a mirror that belongs to another data directory, unless `from_mirror` is true and the
+/// mirror's database could be made.
 pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> Result<Claimed, MirrorError> {
     let entries = Entries {
-        objects: open(location)?,
+        objects: open(location, data.path())?,
     };
-    let place = entries.objects.to_string();
     let writers = read_writers(data.path())?;
-    let has_database = find_database(&data.path().join(Store::FILE))?;
     let mut claimed = Claimed {
         writer: format!("{:016x}", getrandom::u64().unwrap_or_default()),
         entries,
+        claim: (0, Bytes::new()),
         next: 1,
         epoch: 1,
         epoch_begins: 1,
     };
-    for _ in 0..CLAIMS {
-        let all = claimed.entries.list().await?;
-        let Some(&newest) = all.keys().next_back() else {
-            if from_mirror && !has_database {
-                tracing::warn!(
-                    place,
-                    "the mirror is empty: the coordinator begins without campaigns"
-                );
-            }
-            if claimed.place_claim(data.path(), String::new(), false).await? {
-                return Ok(claimed);
-            }
-            continue;
-        };
-        let (last, _) = claimed.entries.read(newest).await?;
-        let after = newest.checked_add(1).zip(last.epoch.checked_add(1));
-        (claimed.next, claimed.epoch) = after.ok_or_else(|| MirrorError::Damaged {
-            object: place.clone(),
-            reason: "its numbers are used up".to_owned(),
-        })?;
-        let is_ours = has_database && writers.wrote(&last);
-        match (is_ours, from_mirror, has_database) {
-            (true, ..) | (false, true, false) => {}
-            (false, true, true) => {
-                let data = data.path().to_path_buf();
-                return Err(MirrorError::NotEmpty { data, place });
-            }
-            (false, false, _) => return Err(MirrorError::Foreign(place)),
+    let claiming = Claiming {
+        place: claimed.entries.objects.to_string(),
+        inode: inode_of(&data.path().join(Store::FILE))?,
+        data: data.path(),
+        from_mirror,
+        writers: &writers,
+    };
+    match claimed.place_first(&claiming).await {
+        Ok(()) => Ok(claimed),
+        // The attempt has left nothing in this mirror, and the directory's own mirror may be another one.
+        Err(error) if error.is_refusal() => {
+            writers.write_back(data.path())?;
+            Err(error)
         }
-        if claimed.place_claim(data.path(), last.writer, !is_ours).await? {
-            if !is_ours {
-                restore::restore(&claimed.entries, newest, data.path()).await?;
-                let restored = Writers {
-                    writer: claimed.writer.clone(),
-                    ..Writers::default()
-                };
-                restored.write(data.path())?;
-            }
-            return Ok(claimed);
-        }
+        Err(error) => Err(error),
     }
-    Err(MirrorError::Contested(place))
+}
+
+/// How a process claims a mirror.
+struct Claiming<'a> {
+    place: String,
+    data: &'a Path,
+    /// Inode of the directory's database, if there is one.
+    inode: Option<u64>,
+    from_mirror: bool,
+    writers: &'a Writers,
+}
+
+/// The inode of the database at `path`; `None` if there is none.
+fn inode_of(path: &Path) -> Result<Option<u64>, MirrorError> {
+    match find_database(path)? {
+        true => Ok(Some(path.metadata()?.ino())),
+        false => Ok(None),
+    }
 }
 
 impl Claimed {
+    /// Places the first entry, after the entries of the former process.
+    async fn place_first(&mut self, claiming: &Claiming<'_>) -> Result<(), MirrorError> {
+        let Claiming {
+            place, data, writers, ..
+        } = claiming;
+        let has_database = claiming.inode.is_some();
+        let mut restore: Option<Restore> = None;
+        for _ in 0..CLAIMS {
+            let all = self.entries.list().await?;
+            let (mut former, mut restores) = (String::new(), false);
+            match all.keys().next_back() {
+                Some(&newest) => {
+                    let (last, _) = self.entries.read(newest).await?;
+                    self.follow(newest, last.epoch)?;
+                    match has_database && writers.wrote(&last, claiming.inode) {
+                        true => former = last.writer,
+                        false => restores = has_data(&self.entries, &all).await?,
+                    }
+                }
+                None if writers.has_snapshot && writers.mirror == *place => {
+                    return Err(MirrorError::Gone(place.clone()));
+                }
+                None => {}
+            }
+            match (restores, claiming.from_mirror, has_database) {
+                (true, true, true) => {
+                    let (data, place) = (data.to_path_buf(), place.clone());
+                    return Err(MirrorError::NotEmpty { data, place });
+                }
+                (true, false, _) => return Err(MirrorError::Foreign(place.clone())),
+                // The database is made before the mirror is taken: the former process must not end in vain.
+                (true, true, false) => match self.restored(restore.take(), &all, data).await {
+                    Ok(restored) => restore = Some(restored),
+                    // The former process has removed what it no longer needs.
+                    Err(error) if error.is_not_found() => continue,
+                    Err(error) => return Err(error),
+                },
+                (false, true, false) => {
+                    tracing::warn!(
+                        place,
+                        "the mirror is empty: the coordinator begins without campaigns"
+                    );
+                }
+                (false, ..) => {}
+            }
+            let known = Writers {
+                mirror: place.clone(),
+                writer: self.writer.clone(),
+                former,
+                restoring: restores,
+                ..Writers::default()
+            };
+            let payload = match has_database {
+                true => CLAIM_WITH_DATA,
+                false => &[],
+            };
+            if self.place_claim(data, &known, payload).await? {
+                return match restore.filter(|_| restores) {
+                    Some(restore) => self.put_in_place(restore, known, data).await,
+                    None => Ok(()),
+                };
+            }
+        }
+        Err(MirrorError::Contested(place.clone()))
+    }
+
+    /// The first entry comes after entry `newest`, of the epoch `epoch`.
+    fn follow(&mut self, newest: u64, epoch: u64) -> Result<(), MirrorError> {
+        let after = newest.checked_add(1).zip(epoch.checked_add(1));
+        (self.next, self.epoch) = after.ok_or_else(|| MirrorError::Damaged {
+            object: self.entries.objects.to_string(),
+            reason: "its numbers are used up".to_owned(),
+        })?;
+        Ok(())
+    }
+
+    /// The database of the mirror with the entries `all`: `restore`, if the new entries follow.
+    async fn restored(
+        &self,
+        restore: Option<Restore>,
+        all: &BTreeMap<u64, Listed>,
+        data: &Path,
+    ) -> Result<Restore, MirrorError> {
+        if let Some(mut restore) = restore
+            && restore.extend(&self.entries, self.next - 1).await?
+        {
+            return Ok(restore);
+        }
+        let restore = Restore::begin(&self.entries, all, data).await?;
+        restore.check().await?;
+        Ok(restore)
+    }
+
+    async fn put_in_place(&self, restore: Restore, known: Writers, data: &Path) -> Result<(), MirrorError> {
+        let note = |inode| {
+            let database = Some(inode);
+            Writers {
+                database,
+                ..known.clone()
+            }
+            .write(data)
+        };
+        restore.finish(data, note).await?;
+        let restored = Writers {
+            mirror: known.mirror,
+            writer: known.writer,
+            ..Writers::default()
+        };
+        restored.write(data)
+    }
+
     /// Writes this process's first entry. False if another process has written an entry with this number.
     async fn place_claim(
         &mut self,
         data: &Path,
-        former: String,
-        restoring: bool,
+        known: &Writers,
+        payload: &[u8],
     ) -> Result<bool, MirrorError> {
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
-        let known = Writers {
-            writer: self.writer.clone(),
-            former,
-            restoring,
-        };
         known.write(data)?;
-        let claim = self.entry(What::Claim, &[])?;
+        let claim = self.entry(What::Claim, payload)?;
         let placed = self.entries.put(self.next, &claim).await?;
+        if placed == Placed::Ours && self.next > 1 {
+            self.entries.expect(self.next - 1, None).await?;
+        }
         // If this takes the place of the claim, it is one too.
         let trial = self.entry(What::Claim, b"trial")?;
         if placed == Placed::Ours && self.entries.put(self.next, &trial).await? == Placed::Ours {
             return Err(MirrorError::NoFence(self.entries.objects.to_string()));
         }
+        self.claim = (self.next, claim);
         self.epoch_begins = self.next;
         self.next += 1;
         Ok(placed == Placed::Ours)
@@ -242,12 +391,53 @@ impl Claimed {
     }
 }
 
-fn open(location: &str) -> Result<Objects, MirrorError> {
-    let objects = match location.contains("://") {
-        true => Objects::open(location)?,
-        false => Objects::in_folder(path::absolute(location)?)?,
+/// The mirror at `location` of the data directory `data`.
+fn open(location: &str, data: &Path) -> Result<Objects, MirrorError> {
+    let objects = match location {
+        "" => {
+            return Err(MirrorError::Location {
+                location: location.to_owned(),
+                reason: "its name is empty".to_owned(),
+            });
+        }
+        url if url.contains("://") => Objects::open(url)?,
+        folder => Objects::in_folder(path::absolute(folder)?)?,
     };
-    Ok(objects)
+    let folder = objects.folder().map(Path::canonicalize).transpose()?;
+    match folder.is_some_and(|folder| data.canonicalize().is_ok_and(|data| folder.starts_with(data))) {
+        true => Err(MirrorError::Location {
+            location: objects.to_string(),
+            reason: "it is within the data directory, which it must outlive".to_owned(),
+        }),
+        false => Ok(objects),
+    }
+}
+
+/// Notes that the mirror has a snapshot of the database in `data`.
+pub(crate) fn note_snapshot(data: &Path) -> Result<(), MirrorError> {
+    let known = read_writers(data)?;
+    let has_snapshot = true;
+    Writers {
+        has_snapshot,
+        ..known
+    }
+    .write(data)
+}
+
+/// Refuses a data directory that has a mirror: its changes would be missing from the mirror.
+pub(crate) fn expect_none(data: &Path) -> Result<(), StoreError> {
+    let known = read_writers(data).map_err(|error| match error {
+        MirrorError::Store(error) => error,
+        other => StoreError::from_io(io::Error::other(other.to_string()), "read", &data.join(FILE)),
+    })?;
+    match known.writer.is_empty() {
+        true => Ok(()),
+        false => Err(StoreError::Mirrored {
+            data: data.to_path_buf(),
+            mirror: known.mirror,
+            file: FILE,
+        }),
+    }
 }
 
 fn read_writers(data: &Path) -> Result<Writers, MirrorError> {

@@ -7,7 +7,7 @@
 use super::MirrorError;
 use crate::objects::Objects;
 use bytes::Bytes;
-use futures_util::TryStreamExt as _;
+use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use object_store::{ObjectStoreExt as _, PutMode, PutPayload, WriteMultipart};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -25,13 +25,18 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// Size of the parts in which a snapshot is written.
 const PART_BYTES: usize = 8 << 20;
 /// Number of parts of a snapshot that are on their way at once.
-const PARTS_AT_ONCE: usize = 4;
+pub(super) const PARTS_AT_ONCE: usize = 4;
 /// Longest payload of an entry, bytes.
 pub(super) const MAX_PAYLOAD: u64 = 4 << 20;
 /// Objects younger than this stay: somebody may be reading them.
 const KEPT: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 3600 });
-/// Slowest object store for which a snapshot is made, bytes per second.
+/// Slowest object store with which a mirror works, bytes per second.
 const SLOWEST: u64 = 256 << 10;
+/// Limit for an attempt to write or read a part of a snapshot or a long entry, while others are on their way.
+const LIMIT_OF_PARTS: Duration =
+    Duration::from_secs(LIMIT.as_secs() + (PARTS_AT_ONCE * PART_BYTES) as u64 / SLOWEST);
+/// Longest object that can be the entry of a snapshot, bytes. Parts of a log can be as short.
+const LONGEST_SNAPSHOT_ENTRY: u64 = 1 << 10;
 /// Longest object of an entry: a payload that zstd could not compress, and the first line.
 const LONGEST_ENTRY: u64 = MAX_PAYLOAD + (64 << 10);
 /// Longest object that can be a claim, bytes. Parts of a log that are as short stay in the mirror too.
@@ -129,6 +134,13 @@ fn digest(payload: &[u8]) -> String {
     blake3::hash(payload).to_hex().to_string()
 }
 
+impl Listed {
+    /// Whether an entry can be that of a snapshot, by its length.
+    pub(super) const fn is_short(&self) -> bool {
+        self.bytes <= LONGEST_SNAPSHOT_ENTRY
+    }
+}
+
 impl Entries {
     /// All entries, by number.
     pub(super) async fn list(&self) -> Result<BTreeMap<u64, Listed>, MirrorError> {
@@ -149,8 +161,10 @@ impl Entries {
         let mut objects = self.objects.store.list(Some(&prefix));
         let mut listed = Vec::new();
         while let Some(object) = self.within(objects.try_next()).await? {
+            let name = object.location.prefix_match(&prefix).into_iter().flatten();
+            let name: Vec<_> = name.map(|part| part.as_ref().to_owned()).collect();
             listed.push(Listed {
-                name: format!("{folder}/{}", object.location.filename().unwrap_or_default()),
+                name: format!("{folder}/{}", name.join("/")),
                 bytes: object.size,
                 made: object.last_modified.into(),
             });
@@ -170,14 +184,16 @@ impl Entries {
     async fn object(&self, number: u64) -> Result<Bytes, MirrorError> {
         let name = name_of(number);
         let path = self.objects.path(&name);
-        let found = self.within(self.objects.store.get(&path)).await?;
+        let found = self
+            .within_limit(LIMIT_OF_PARTS, self.objects.store.get(&path))
+            .await?;
         if found.meta.size > LONGEST_ENTRY {
             return Err(MirrorError::Damaged {
                 object: self.objects.name(&name),
                 reason: "it is too long for an entry".to_owned(),
             });
         }
-        self.within(found.bytes()).await
+        self.within_limit(LIMIT_OF_PARTS, found.bytes()).await
     }
 
     /// Writes entry `number`, unless another writer has written it. May be repeated with the same bytes after an error, when it is
@@ -196,6 +212,28 @@ impl Entries {
                 true => Ok(Placed::Ours),
                 false => Ok(Placed::Another),
             },
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Checks that entry `number` is there and, with `entry`, that it has these bytes. Otherwise the mirror's folder is another one
+    /// than before, such as the empty folder under a file system that is not mounted any more.
+    ///
+    /// # Errors
+    /// [`MirrorError::Gone`].
+    pub(super) async fn expect(&self, number: u64, entry: Option<&Bytes>) -> Result<(), MirrorError> {
+        let gone = || MirrorError::Gone(self.objects.name(&name_of(number)));
+        let found = match entry {
+            Some(entry) => self.object(number).await.map(|found| found == *entry),
+            None => self
+                .within(self.objects.store.head(&self.objects.path(&name_of(number))))
+                .await
+                .map(|_| true),
+        };
+        match found {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(gone()),
+            Err(error) if error.is_not_found() => Err(gone()),
             Err(error) => Err(error),
         }
     }
@@ -245,50 +283,48 @@ impl Entries {
             }
             hasher.update(&part);
             bytes += part.len() as u64;
-            self.within(parts.wait_for_capacity(PARTS_AT_ONCE)).await?;
+            self.within_limit(LIMIT_OF_PARTS, parts.wait_for_capacity(PARTS_AT_ONCE))
+                .await?;
             parts.put(part.into());
         }
     }
 
     /// Reads a snapshot into `file`, and checks it.
     pub(super) async fn get_snapshot(&self, snapshot: &Snapshot, file: &Path) -> Result<(), MirrorError> {
-        let path = self.objects.path(&snapshot.object);
-        let found = self.within(self.objects.store.get(&path)).await?;
-        let (mut stream, mut hasher, mut file) = (
-            found.into_stream(),
-            blake3::Hasher::new(),
-            File::create_new(file)?,
-        );
-        let damaged = |reason: &str| MirrorError::Damaged {
-            object: self.objects.name(&snapshot.object),
-            reason: reason.to_owned(),
+        let path = &self.objects.path(&snapshot.object);
+        let (mut hasher, mut file) = (blake3::Hasher::new(), File::create_new(file)?);
+        let begins = (0..snapshot.bytes).step_by(PART_BYTES);
+        // One request for a whole snapshot would take longer than the client of a bucket allows for a request.
+        let part = |begin: u64| {
+            let range = begin..snapshot.bytes.min(begin + PART_BYTES as u64);
+            self.within_limit(LIMIT_OF_PARTS, self.objects.store.get_range(path, range))
         };
-        let mut bytes = 0;
-        while let Some(part) = self.within(stream.try_next()).await? {
-            bytes += part.len() as u64;
-            if bytes > snapshot.bytes {
-                return Err(damaged("it is longer than its entry says"));
-            }
+        let mut parts = stream::iter(begins).map(part).buffered(PARTS_AT_ONCE);
+        while let Some(part) = parts.try_next().await? {
             hasher.update(&part);
             file.write_all(&part)?;
         }
         file.sync_all()?;
         match hasher.finalize().to_hex().as_str() == snapshot.digest {
             true => Ok(()),
-            false => Err(damaged("its bytes have another digest")),
+            false => Err(MirrorError::Damaged {
+                object: self.objects.name(&snapshot.object),
+                reason: "its bytes have another digest".to_owned(),
+            }),
         }
     }
 
-    /// Removes the entries before `first`, and all snapshots but `snapshot`, unless they are young. Claims stay, because the former
-    /// writer of each claim must find its next number taken, whenever it comes back. A failure is only logged.
+    /// Removes the entries before `first`, and the snapshots of earlier epochs than `snapshot`, unless they are young. Claims stay,
+    /// because the former writer of each claim must find its next number taken, whenever it comes back. Later snapshots stay too:
+    /// another process may have gone on from the mirror, and written them. A failure is only logged.
     pub(super) async fn remove_before(&self, first: u64, snapshot: &str) {
         let old = async {
             let mut entries = self.list().await?;
             entries.retain(|&number, listed| number < first && listed.bytes > LONGEST_CLAIM);
             let entries = entries.into_iter();
             let snapshots = self.snapshots().await?.into_iter();
-            let other = snapshots.filter(|listed| listed.name != snapshot);
-            let all = entries.map(|(_, listed)| listed).chain(other);
+            let former = snapshots.filter(|listed| listed.name.as_str() < snapshot);
+            let all = entries.map(|(_, listed)| listed).chain(former);
             let is_old = |listed: &Listed| listed.made.elapsed().is_ok_and(|age| age > KEPT);
             for listed in all.filter(is_old) {
                 let path = self.objects.path(&listed.name);

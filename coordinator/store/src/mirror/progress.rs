@@ -12,7 +12,7 @@ use std::{
     os::unix::fs::FileExt as _,
     path::{Path, PathBuf},
     sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 use tokio::sync::{Notify, watch};
 
@@ -20,6 +20,8 @@ use tokio::sync::{Notify, watch};
 const PAUSE: Duration = Duration::from_millis(800);
 /// Longest wait for the mirror before a long log is written into the database. Other changes wait meanwhile.
 const WAIT_TO_CATCH_UP: Duration = Duration::from_secs(5);
+/// Longest time that a change waits for the mirror. The change keeps its client's seat meanwhile.
+const MAX_WAIT: Duration = Duration::from_secs(if cfg!(test) { 5 } else { 30 });
 /// Longest wait for the mirror when the coordinator ends.
 const FINISH_LIMIT: Duration = Duration::from_secs(2);
 /// A new snapshot is made once the entries since the last one have more bytes than the database, and more than this.
@@ -80,8 +82,12 @@ struct State {
     wants_snapshot: bool,
     /// Bytes of frames since the last snapshot.
     bytes_since_snapshot: u64,
+    /// Whether the mirror has a first snapshot.
+    is_begun: bool,
     condition: Condition,
     is_finishing: bool,
+    #[cfg(test)]
+    misses_note: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -143,8 +149,11 @@ impl Mirror {
             is_unnoted: false,
             wants_snapshot: true,
             bytes_since_snapshot: 0,
+            is_begun: false,
             condition: Condition::Works,
             is_finishing: false,
+            #[cfg(test)]
+            misses_note: false,
         };
         Ok(Self {
             state: Mutex::new(state),
@@ -156,6 +165,11 @@ impl Mirror {
             log: OnceLock::new(),
             database: Arc::new(File::open(database)?),
         })
+    }
+
+    /// Opens the log, if it exists already: later, the process may have no file descriptor left.
+    pub(super) fn open_log(&self) {
+        let _ = self.log();
     }
 
     fn log(&self) -> io::Result<&File> {
@@ -193,10 +207,19 @@ impl Mirror {
 
     /// Notes what a change has committed, while no other change can begin. Returns its end in the log.
     pub(crate) fn committed(&self) -> Result<End, StoreError> {
-        if !std::mem::take(&mut self.lock().is_counted) {
-            return Ok(self.lock().committed);
+        {
+            let mut state = self.lock();
+            // A repeated request changes nothing: the change that it repeats may be the one that could not be noted.
+            if !std::mem::take(&mut state.is_counted) && !state.is_unnoted {
+                return Ok(state.committed);
+            }
         }
         let header = self.log().and_then(read_header);
+        #[cfg(test)]
+        let header = match std::mem::take(&mut self.lock().misses_note) {
+            true => Err(io::ErrorKind::Other.into()),
+            false => header,
+        };
         let mut state = self.lock();
         match header {
             Ok((page_bytes, salts)) => {
@@ -213,35 +236,45 @@ impl Mirror {
         }
     }
 
-    /// Waits until the mirror has all up to `end`, or the process ends. A change that is on disk must not be reported as refused.
-    pub(crate) fn wait(&self, end: End) -> Result<(), StoreError> {
-        self.wanted.notify_one();
-        let mut state = self.lock();
-        loop {
-            if let Some(known) = self.outcome(&state, end) {
-                return known;
-            }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
+    /// Lets the next commit fail to read the log.
+    #[cfg(test)]
+    pub(super) fn miss_next_note(&self) {
+        self.lock().misses_note = true;
     }
 
-    /// Whether the mirror has all up to `end`; `None` as long as this may still come.
-    fn outcome(&self, state: &State, end: End) -> Option<Result<(), StoreError>> {
-        let place = || self.place.clone();
-        match &state.condition {
-            Condition::Lost => Some(Err(StoreError::MirrorTaken(place()))),
-            _ if state.has(end) => Some(Ok(())),
-            condition if state.is_finishing => {
-                let reason = match condition {
-                    Condition::Fails(reason) => reason.clone(),
-                    _ => "it has not answered yet".to_owned(),
-                };
-                Some(Err(StoreError::Unmirrored {
-                    place: place(),
-                    reason,
-                }))
+    /// Waits until the mirror has all up to `end`.
+    ///
+    /// # Errors
+    /// [`StoreError::MirrorTaken`]; [`StoreError::Unmirrored`] if the process ends, or the mirror does not work for [`MAX_WAIT`].
+    pub(crate) fn wait(&self, end: End) -> Result<(), StoreError> {
+        self.wanted.notify_one();
+        let last = Instant::now() + MAX_WAIT;
+        let mut state = self.lock();
+        loop {
+            let left = last.saturating_duration_since(Instant::now());
+            let place = || self.place.clone();
+            match &state.condition {
+                // Our entries come before those of a process that went on from the mirror.
+                _ if state.has(end) => return Ok(()),
+                Condition::Lost => return Err(StoreError::MirrorTaken(place())),
+                Condition::Fails(reason) if state.is_finishing || left.is_zero() => {
+                    return Err(StoreError::Unmirrored {
+                        place: place(),
+                        reason: reason.clone(),
+                    });
+                }
+                Condition::Works if state.is_finishing => {
+                    return Err(StoreError::Unmirrored {
+                        place: place(),
+                        reason: "it has not answered yet".to_owned(),
+                    });
+                }
+                Condition::Works | Condition::Fails(_) => {}
             }
-            _ => None,
+            // A slow mirror that works is waited for: the time is up only if it fails, of which this value is notified.
+            let pause = if left.is_zero() { MAX_WAIT } else { left };
+            let waited = self.changed.wait_timeout(state, pause);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -321,6 +354,11 @@ impl Mirror {
         }
     }
 
+    /// Whether the mirror has a first snapshot.
+    pub(super) fn is_begun(&self) -> bool {
+        self.lock().is_begun
+    }
+
     pub(super) fn next(&self) -> Next {
         let state = self.lock();
         Next {
@@ -361,7 +399,7 @@ impl Mirror {
     /// Notes that the mirror has the snapshot of `reading`.
     pub(super) fn has_snapshot(&self, reading: Reading) {
         let mut state = self.lock();
-        state.wants_snapshot = false;
+        (state.wants_snapshot, state.is_begun) = (false, true);
         // After another tear, the next snapshot mends that.
         if state.tears == reading.tears {
             state.is_torn = false;
@@ -410,6 +448,21 @@ impl Mirror {
         state.condition = Condition::Fails(error.to_string());
         drop(state);
         self.changed.notify_all();
+    }
+
+    /// Notes that nothing is sent any more.
+    pub(super) fn end(&self) {
+        let mut state = self.lock();
+        if state.condition == Condition::Works {
+            state.condition = Condition::Fails("its thread has ended".to_owned());
+        }
+        drop(state);
+        self.changed.notify_all();
+    }
+
+    /// Notes that a snapshot could not be written. The next one is due once the log was written into the database again.
+    pub(super) fn postpone_snapshot(&self) {
+        self.lock().wants_snapshot = false;
     }
 
     pub(super) fn lose(&self) {

@@ -11,18 +11,27 @@ use rusqlite::Connection;
 use std::{
     io,
     sync::{Arc, PoisonError, Weak},
+    thread,
     time::Duration,
 };
-use tokio::task::JoinHandle;
+use tokio::{runtime::Builder, task::JoinHandle};
 
+/// Threads that read files and write to a mirror in a folder, at most.
+const THREADS: usize = 8;
 /// Pause before an attempt is repeated.
 const PAUSE_TO_REPEAT: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 2_000 });
 
 /// Sends what a mirror lacks.
 struct Sender {
     claimed: Claimed,
-    uploading: Option<JoinHandle<Result<Uploaded, MirrorError>>>,
+    uploading: Option<Uploading>,
     uploaded: Option<Uploaded>,
+}
+
+/// A snapshot that is being uploaded.
+struct Uploading {
+    reading: Reading,
+    task: JoinHandle<Result<Uploaded, MirrorError>>,
 }
 
 /// A snapshot that is complete, but for its entry.
@@ -45,7 +54,9 @@ pub(crate) async fn start(claimed: Claimed, store: &Store) -> Result<Arc<Mirror>
         let mut connection = connection.lock().unwrap_or_else(PoisonError::into_inner);
         // The file is whole, and the log empty, when the first snapshot begins.
         settle(&connection, &path)?;
-        count_frames(&mut connection, counting).map_err(StoreError::from)
+        count_frames(&mut connection, counting.clone())?;
+        counting.open_log();
+        Ok(())
     };
     blocking::changing(prepare).await.map_err(StoreError::from)??;
     let mut sender = Sender {
@@ -62,7 +73,7 @@ pub(crate) async fn start(claimed: Claimed, store: &Store) -> Result<Arc<Mirror>
         }
         mirror.wanted().await;
     }
-    tokio::spawn(sender.run(Arc::downgrade(&mirror)));
+    sender.begin(Arc::downgrade(&mirror)).map_err(MirrorError::File)?;
     Ok(mirror)
 }
 
@@ -75,7 +86,39 @@ fn count_frames(connection: &mut Connection, mirror: Arc<Mirror>) -> rusqlite::R
     }))
 }
 
+/// Tells changes that wait for the mirror when the thread that sends them has ended.
+struct Ended(Weak<Mirror>);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        if let Some(mirror) = self.0.upgrade() {
+            mirror.end();
+        }
+    }
+}
+
 impl Sender {
+    /// Begins a thread that sends changes. Its work has threads of its own: all threads of the process can be waiting for the mirror.
+    fn begin(self, mirror: Weak<Mirror>) -> io::Result<()> {
+        let run = move || {
+            let ended = Ended(mirror.clone());
+            let runtime = Builder::new_current_thread()
+                .max_blocking_threads(THREADS)
+                .thread_name("mirror")
+                .enable_all()
+                .build();
+            match runtime {
+                Ok(runtime) => runtime.block_on(self.run(mirror)),
+                Err(error) => tracing::error!(%error, "the thread of the mirror could not be started"),
+            }
+            drop(ended);
+        };
+        thread::Builder::new()
+            .name("mirror".to_owned())
+            .spawn(run)
+            .map(drop)
+    }
+
     /// Sends changes until the store is dropped or another process has gone on from the mirror.
     async fn run(mut self, mirror: Weak<Mirror>) {
         while let Some(mirror) = mirror.upgrade() {
@@ -103,14 +146,24 @@ impl Sender {
                 return Ok(Placed::Another);
             }
             let next = mirror.next();
-            if next.wants_snapshot && self.uploading.is_none() && self.uploaded.is_none() {
+            if let Some(void) = self.uploading.take_if(|upload| !mirror.accepts(upload.reading)) {
+                void.task.abort();
+            }
+            let is_idle = self.uploading.is_none() && self.uploaded.is_none();
+            if next.wants_snapshot && is_idle && mirror.accepts(mirror.reading()) {
                 self.uploading = Some(self.upload(mirror)?);
             }
-            if let Some(upload) = self
-                .uploading
-                .take_if(|upload| next.is_torn || upload.is_finished())
-            {
-                self.uploaded = Some(upload.await.map_err(io::Error::other)??);
+            let is_awaited = |upload: &mut Uploading| next.is_torn || upload.task.is_finished();
+            if let Some(upload) = self.uploading.take_if(is_awaited) {
+                match upload.task.await.map_err(io::Error::other)? {
+                    Ok(uploaded) => self.uploaded = Some(uploaded),
+                    Err(error) if next.is_torn || !mirror.is_begun() => return Err(error),
+                    // Entries are of use without this snapshot.
+                    Err(error) => {
+                        tracing::warn!(%error, "a snapshot could not be written to the mirror");
+                        mirror.postpone_snapshot();
+                    }
+                }
                 continue;
             }
             let looking = mirror.clone();
@@ -134,7 +187,7 @@ impl Sender {
     }
 
     /// Begins to upload the database's file. The store writes the log into it meanwhile only if the disk has failed.
-    fn upload(&self, mirror: &Arc<Mirror>) -> Result<JoinHandle<Result<Uploaded, MirrorError>>, MirrorError> {
+    fn upload(&self, mirror: &Arc<Mirror>) -> Result<Uploading, MirrorError> {
         let reading = mirror.reading();
         let begins = match self.claimed.epoch == reading.epoch {
             true => self.claimed.epoch_begins,
@@ -144,7 +197,7 @@ impl Sender {
         let attempt = getrandom::u32().map_err(io::Error::other)?;
         let object = snapshot_name(begins, &format!("{}-{attempt:08x}", self.claimed.writer));
         let (entries, mirror) = (self.claimed.entries.clone(), mirror.clone());
-        Ok(tokio::spawn(async move {
+        let task = tokio::spawn(async move {
             let put = entries.put_snapshot(object, reading.epoch, mirror.database.clone());
             let snapshot = put.await;
             mirror.want();
@@ -154,7 +207,8 @@ impl Sender {
                 needs: mirror.needs(reading),
                 begins,
             })
-        }))
+        });
+        Ok(Uploading { reading, task })
     }
 
     /// Writes the entry of a snapshot.
@@ -180,7 +234,7 @@ impl Sender {
     /// Writes the next entry, and repeats this until it is known whose entry has its number.
     async fn put(&mut self, mirror: &Mirror, entry: &Bytes) -> Placed {
         loop {
-            match self.claimed.entries.put(self.claimed.next, entry).await {
+            match self.try_to_put(entry).await {
                 Ok(placed) => {
                     self.claimed.next += 1;
                     return placed;
@@ -191,5 +245,17 @@ impl Sender {
                 }
             }
         }
+    }
+
+    async fn try_to_put(&self, entry: &Bytes) -> Result<Placed, MirrorError> {
+        let Claimed {
+            entries, claim, next, ..
+        } = &self.claimed;
+        let placed = entries.put(*next, entry).await?;
+        // Where the entry went, the claim must be too.
+        if placed == Placed::Ours {
+            entries.expect(claim.0, Some(&claim.1)).await?;
+        }
+        Ok(placed)
     }
 }
