@@ -601,7 +601,8 @@ fn own_file() -> fs::OpenOptions {
         .write(true)
         // Nothing in them is secret, and the next holder can be another user: the owner after root, for example.
         .mode(0o644)
-        .custom_flags(OFlags::NOFOLLOW.bits().cast_signed());
+        // Opening a pipe for writing would wait for a reader.
+        .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed());
     options
 }
 

@@ -294,6 +294,25 @@ fn a_store_that_is_closed_refuses_changes_and_has_no_log() {
 }
 
 #[test]
+fn a_store_whose_database_was_removed_or_replaced_changes_nothing() {
+    for replaces in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let held = DataDirectory::hold(folder.path()).unwrap();
+        let store = Store::open(&held).unwrap();
+        store.write(|_| Ok(())).unwrap();
+        let database = folder.path().join(Store::FILE);
+        let copy = folder.path().join("copy");
+        fs::copy(&database, &copy).unwrap();
+        fs::remove_file(&database).unwrap();
+        if replaces {
+            fs::rename(&copy, &database).unwrap();
+        }
+        let refused = store.write(|_| Ok(())).unwrap_err();
+        assert!(matches!(refused, StoreError::Replaced(_)), "{refused}");
+    }
+}
+
+#[test]
 fn a_process_that_was_taken_over_changes_nothing_more() {
     let folder = tempfile::tempdir().unwrap();
     let held = DataDirectory::hold(folder.path()).unwrap();

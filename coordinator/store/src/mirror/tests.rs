@@ -1,5 +1,5 @@
 use super::*;
-use crate::{doctor, open::LONG_LOG};
+use crate::{doctor, files::log_of, open::LONG_LOG};
 use murmuration_model::Weight;
 use murmuration_swarm::CampaignSpec;
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ impl Place {
 
     async fn start(&self, name: &str, from_mirror: bool) -> Result<Node, MirrorError> {
         let (data, claimed) = self.claim(name, from_mirror).await?;
-        let store = Store::open(&data)?.mirrored(claimed).await?;
+        let store = Store::open_claimed(&data, &claimed)?.mirrored(claimed).await?;
         Ok(Node { data, store })
     }
 }
@@ -117,6 +117,13 @@ async fn a_writer_from_whose_mirror_another_has_gone_on_acknowledges_nothing_mor
     assert!(second.rows() == acknowledged);
     second.add(10).await.unwrap();
     first.end();
+    let data = DataDirectory::hold(&place.folder.path().join("first")).unwrap();
+    let alone = Store::open(&data).unwrap_err().to_string();
+    assert!(
+        alone.contains(&place.mirror()) && alone.contains("mirror.json"),
+        "{alone}"
+    );
+    drop(data);
     for from_mirror in [false, true] {
         let refused = place.start("first", from_mirror).await.err().unwrap();
         let expected = match from_mirror {
@@ -137,7 +144,7 @@ async fn of_two_that_go_on_at_once_the_last_one_does() {
     let acknowledged = first.end();
     let (early, early_claim) = place.claim("early", true).await.unwrap();
     let late = place.start("late", true).await.unwrap();
-    let refused = Store::open(&early)
+    let refused = Store::open_claimed(&early, &early_claim)
         .unwrap()
         .mirrored(early_claim)
         .await
@@ -183,6 +190,192 @@ async fn without_the_mirror_decisions_are_refused_and_runs_go_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_change_waits_for_a_mirror_that_fails_no_longer_than_its_limit() {
+    let place = Place::new();
+    let node = place.start("first", false).await.unwrap();
+    node.add(10).await.unwrap();
+    // As if the file system of the mirror were not mounted any more: there is an empty folder in its place.
+    let [mirror, away] = ["mirror", "away"].map(|name| place.folder.path().join(name));
+    fs::rename(&mirror, &away).unwrap();
+    let unknown = node.add(10).await.unwrap_err();
+    assert!(matches!(unknown, StoreError::Unmirrored { .. }), "{unknown}");
+    let refused = node.add(10).await.unwrap_err();
+    assert!(matches!(refused, StoreError::NoMirror { .. }), "{refused}");
+    assert!(
+        refused.to_string().contains("the mirror has lost its entries"),
+        "{refused}"
+    );
+    // The coordinator tries again at any time, and makes the folder anew.
+    while fs::remove_dir_all(&mirror)
+        .and_then(|()| fs::rename(&away, &mirror))
+        .is_err()
+    {}
+    while node.add(10).await.is_err() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let acknowledged = node.end();
+    assert_eq!(acknowledged.len(), 3);
+    assert!(place.start("second", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_change_that_is_not_noted_is_not_acknowledged_when_it_is_repeated() {
+    let place = Place::new();
+    let node = place.start("first", false).await.unwrap();
+    node.add(10).await.unwrap();
+    let mirror = node.store.mirror.clone().unwrap();
+    mirror.miss_next_note();
+    assert!(matches!(node.add(10).await, Err(StoreError::Unmirrored { .. })));
+    node.store.reach_mirror().await.unwrap();
+    let acknowledged = node.end();
+    assert_eq!(acknowledged.len(), 2);
+    assert!(place.start("second", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stranger_that_is_refused_is_refused_again() {
+    let place = Place::new();
+    drop(Store::open(&DataDirectory::hold(&place.folder.path().join("stranger")).unwrap()).unwrap());
+    // The first coordinator has claimed the mirror, and has not written its snapshot yet.
+    let (data, claimed) = place.claim("first", false).await.unwrap();
+    let (early, _) = place.claim("stranger", false).await.unwrap();
+    assert_eq!(read_writers(early.path()).unwrap().former, "");
+    drop(early);
+    let late = Store::open_claimed(&data, &claimed)
+        .unwrap()
+        .mirrored(claimed)
+        .await;
+    assert!(matches!(
+        late,
+        Err(MirrorError::Store(StoreError::MirrorTaken(_)))
+    ));
+    drop((late, data));
+    // An empty directory must not end a coordinator that writes its first snapshot.
+    let refused = place.start("empty", true).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Damaged { .. }), "{refused}");
+    let stranger = place.start("stranger", false).await.unwrap();
+    stranger.add(10).await.unwrap();
+    stranger.end();
+    let elsewhere = place.folder.path().join("elsewhere").display().to_string();
+    let data = DataDirectory::hold(&place.folder.path().join("stranger")).unwrap();
+    let known = fs::read(data.path().join(FILE)).unwrap();
+    let other = claim(&data, &elsewhere, false).await.unwrap();
+    drop(other);
+    fs::write(data.path().join(FILE), &known).unwrap();
+    // A mirror that refuses the directory leaves it with its own.
+    let other = Place::new();
+    let node = other.start("other", false).await.unwrap();
+    node.add(10).await.unwrap();
+    node.end();
+    let refused = claim(&data, &other.mirror(), false).await.unwrap_err();
+    assert!(matches!(refused, MirrorError::Foreign(_)), "{refused}");
+    assert!(fs::read(data.path().join(FILE)).unwrap() == known);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_empty_folder_does_not_replace_a_mirror_that_had_data() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    first.end();
+    fs::rename(place.mirror(), place.folder.path().join("away")).unwrap();
+    let refused = place.start("first", false).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Gone(_)), "{refused}");
+    fs::remove_file(place.folder.path().join("first").join(FILE)).unwrap();
+    place.start("first", false).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_database_of_a_newer_version_is_not_taken_from_its_writer() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    let newer =
+        |store: &Store| store.write(|change| Ok(change.pragma_update(None, "user_version", 9_999)?));
+    first.store.change(newer).await.unwrap();
+    let refused = place.start("second", true).await.err().unwrap();
+    assert!(
+        matches!(refused, MirrorError::Store(StoreError::Newer { .. })),
+        "{refused}"
+    );
+    first.add(10).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_mirror_with_claims_alone_is_empty() {
+    let place = Place::new();
+    drop(place.claim("first", false).await.unwrap());
+    drop(place.claim("second", true).await.unwrap());
+    let third = place.start("third", false).await.unwrap();
+    third.add(10).await.unwrap();
+    let acknowledged = third.end();
+    assert!(place.start("fourth", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_database_that_is_a_link_is_mirrored() {
+    let place = Place::new();
+    let [data, elsewhere] = ["first", "elsewhere"].map(|name| place.folder.path().join(name));
+    drop(Store::open(&DataDirectory::hold(&data).unwrap()).unwrap());
+    fs::create_dir(&elsewhere).unwrap();
+    let [database, file] = [&data, &elsewhere].map(|folder| folder.join(Store::FILE));
+    fs::rename(&database, &file).unwrap();
+    let _ = fs::remove_file(log_of(&database));
+    std::os::unix::fs::symlink(&file, &database).unwrap();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    assert!(place.start("second", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_the_database_that_was_made_from_the_mirror_goes_on_with_it() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    place.start("second", true).await.unwrap().end();
+    // As a process leaves it that ends just after the database has its place.
+    let data = place.folder.path().join("second");
+    let inode = data.join(Store::FILE).metadata().unwrap().ino();
+    let known = |database| Writers {
+        restoring: true,
+        database: Some(database),
+        ..read_writers(&data).unwrap()
+    };
+    known(inode + 1).write(&data).unwrap();
+    let other = place.start("second", true).await.err().unwrap();
+    assert!(matches!(other, MirrorError::NotEmpty { .. }), "{other}");
+    known(inode).write(&data).unwrap();
+    assert!(place.start("second", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_mirror_within_the_data_directory_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = DataDirectory::hold(folder.path()).unwrap();
+    let within = folder.path().join("mirror").display().to_string();
+    let refused = claim(&data, &within, false).await.unwrap_err();
+    assert!(matches!(refused, MirrorError::Location { .. }), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn snapshots_of_a_successor_are_not_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let objects = open(&folder.path().display().to_string(), Path::new("/nowhere")).unwrap();
+    let entries = Entries { objects };
+    let snapshots = folder.path().join("snapshots");
+    fs::create_dir(&snapshots).unwrap();
+    let names = [1_u64, 5, 9].map(|begins| entries::snapshot_name(begins, "a"));
+    names
+        .iter()
+        .for_each(|name| fs::write(folder.path().join(name), "").unwrap());
+    tokio::time::sleep(Duration::from_millis(20)).await;
+    entries.remove_before(5, &names[1]).await;
+    let left = names.iter().map(|name| folder.path().join(name).exists());
+    assert_eq!(left.collect::<Vec<_>>(), [false, true, true]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_damaged_mirror_gives_no_database() {
     let place = Place::new();
     let node = place.start("first", false).await.unwrap();
@@ -200,6 +393,11 @@ async fn a_damaged_mirror_gives_no_database() {
     fs::write(victim, bytes).unwrap();
     let damaged = place.start("second", true).await.err().unwrap();
     assert!(matches!(damaged, MirrorError::Damaged { .. }), "{damaged}");
+    let newest = entries
+        .last()
+        .map(|entry| fs::read_dir(entry.parent().unwrap()).unwrap().count());
+    // A mirror from which no database can be made is not taken from its writer.
+    assert_eq!(newest, Some(entries.len()));
     assert!(!place.folder.path().join("second").join(Store::FILE).exists());
 }
 
