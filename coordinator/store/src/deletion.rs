@@ -75,14 +75,14 @@ impl Store {
     /// `has_failed`, the campaign's run failed and could not record its failure.
     ///
     /// # Errors
-    /// [`DeletionError`]; nothing was deleted then.
+    /// [`DeletionError`]; nothing was deleted then, unless it is [`StoreError::Unmirrored`].
     pub fn delete_campaign(
         &self,
         campaign: &CampaignId,
         study: Option<&CampaignName>,
         has_failed: bool,
     ) -> Result<(), DeletionError> {
-        let number = self.write(|transaction| {
+        let (hidden, committed) = self.commit(|transaction| {
             let number = number_of(transaction, campaign)?;
             if state(transaction, number)? == CampaignState::Running && !has_failed {
                 return Ok(Err(DeletionError::Running(campaign.clone())));
@@ -99,10 +99,12 @@ impl Store {
                 params![number, hidden_id(number), HIDDEN],
             )?;
             Ok(Ok(number))
-        })??;
+        })?;
+        let number = hidden?;
+        let mirrored = self.await_mirror(committed);
         self.followed.forget(campaign);
         self.remove_hidden_or_later(number);
-        Ok(())
+        Ok(mirrored?)
     }
 }
 

@@ -56,14 +56,18 @@ impl Store {
         }
     }
 
-    /// Removes the rows of a hidden campaign. The campaign's own row is last, so that no row refers to a missing campaign.
+    /// Removes the rows of a campaign if it is still hidden: an import that could not be acknowledged may be visible. The campaign's
+    /// own row is last, so that no row refers to a missing campaign.
     fn remove_hidden(&self, number: i64) -> Result<(), StoreError> {
         for (table, key, most) in TABLES {
             let some = format!(
                 "DELETE FROM {table} WHERE campaign = ?1 AND ({key}) IN
-                    (SELECT {key} FROM {table} WHERE campaign = ?1 LIMIT ?2)"
+                    (SELECT {key} FROM {table} WHERE campaign = ?1 LIMIT ?2)
+                    AND EXISTS (SELECT 1 FROM campaigns WHERE number = ?1 AND state = ?3)"
             );
-            while self.write(|transaction| Ok(transaction.execute(&some, params![number, most])?))? > 0 {
+            while self.write(|transaction| Ok(transaction.execute(&some, params![number, most, HIDDEN])?))?
+                > 0
+            {
                 // The lock of the store is not fair: without a pause, this thread would take it again before others.
                 std::thread::sleep(PAUSE);
             }

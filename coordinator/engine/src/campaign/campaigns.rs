@@ -162,9 +162,15 @@ impl Campaigns {
         // This runs in a separate task, so that a stored campaign starts even if the client has disconnected.
         let creating = async move {
             let store = &campaigns.context.store;
-            let Started { id, is_new } = store
-                .run(move |store| store.start_campaign(&new, created_ms))
-                .await?;
+            let started = store.run(move |store| store.start_campaign(&new, created_ms));
+            let Started { id, is_new } = match started.await {
+                // What is stored happens, even if the mirror lacks it.
+                Err(error) if error.is_stored() => {
+                    campaigns.resume_interrupted().await?;
+                    return Err(error.into());
+                }
+                started => started?,
+            };
             if is_new {
                 tracing::info!(campaign = %id, "created");
             }

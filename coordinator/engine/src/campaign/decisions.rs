@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_dispatch::Submitter;
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
-use murmuration_store::{Decision, Deletion, Store};
+use murmuration_store::{Decision, DecisionError, Deletion, DeletionError, Store};
 use murmuration_swarm::{CampaignName, CheckpointDigest};
 use tracing::Instrument as _;
 
@@ -108,12 +108,16 @@ impl Campaigns {
             let deletion = campaigns.deletion(&id).await?;
             let deleted = id.clone();
             let delete = move |store: &Store| store.delete_campaign(&deleted, study.as_ref(), has_failed);
-            campaigns.context.store.run(delete).await?;
+            // What is stored happens, even if the mirror lacks it.
+            let unmirrored = match campaigns.context.store.run(delete).await {
+                Err(DeletionError::Store(error)) if error.is_stored() => Some(error),
+                deleted => deleted.map(|()| None)?,
+            };
             tracing::info!(campaign = %id, "deleted");
             campaigns.registry.stop(&deciding);
             let submitter = Submitter::Campaign(id);
             campaigns.context.dispatch.withdraw_audits(submitter).await;
-            Ok(deletion)
+            unmirrored.map_or(Ok(deletion), |error| Err(error.into()))
         };
         let deleted = tokio::spawn(deleting.in_current_span()).await;
         deleted.map_err(|_| CampaignError::Broken)?
@@ -158,11 +162,15 @@ impl Campaigns {
         }
         let id = deciding.id.clone();
         let decide = move |store: &Store| store.decide(&id, decision, has_failed);
-        self.context.store.run(decide).await?;
+        // What is stored happens, even if the mirror lacks it.
+        let unmirrored = match self.context.store.run(decide).await {
+            Err(DecisionError::Store(error)) if error.is_stored() => Some(error),
+            decided => decided.map(|()| None)?,
+        };
         tracing::info!(campaign = %deciding.id, change = decision.change().name(), "decided");
         self.registry.stop(deciding);
         self.go_on(deciding).await?;
-        Ok(())
+        unmirrored.map_or(Ok(()), |error| Err(error.into()))
     }
 
     /// Starts a run of a campaign whose state is `Running`, unless this process already runs it. Returns whether a run started.
