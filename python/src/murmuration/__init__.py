@@ -30,6 +30,7 @@ from ._errors import (
 from ._evaluations import Evaluations
 from ._found import Replay, Taxonomy
 from ._tables import FEATURES, matrix
+from ._tracks import Recognition
 from ._workers import Worker
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ __all__ = [
     "MurmurationError",
     "NotFoundError",
     "ProgramError",
+    "Recognition",
     "RefusedError",
     "Replay",
     "Taxonomy",

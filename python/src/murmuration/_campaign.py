@@ -18,11 +18,13 @@ import pyarrow as pa
 from . import _answers as answers
 from . import _archive as archive
 from . import _tables as tables
-from ._arguments import flag, path, shown, text, whole
+from ._arguments import flag, path, positive, shown, text, whole
 from ._arguments import index as index_
 from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, RefusedError, UnavailableError, clean
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
+from ._tracks import Recognition, recognition
+from ._tracks import write as write_tracks
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as label_v1
 
@@ -329,6 +331,74 @@ class Campaign:
             ],
         )
         self._client.rpc.whole("LabelService/AppendLabels", request, label_v1.AppendLabelsResponse)
+
+    def recognise(
+        self,
+        tracks: object,
+        *,
+        count: int = 5,
+        keypoint: str | None = None,
+        arena: tuple[float, float] | None = None,
+        origin: str = "corner",
+        y: str = "down",
+        degrees: bool = False,
+        fps: float | None = None,
+        frame_time: float | None = None,
+        min_frames: int | None = None,
+        robot: str | os.PathLike[str] | None = None,
+    ) -> Recognition:
+        """Finds the individuals that a filmed swarm is like.
+
+        Args:
+            tracks: A row for each robot in each frame, as a table of pandas, polars or pyarrow or a dict of columns:
+                `frame`, `robot` (a number or a name), `x`, `y`, and perhaps `heading` and `species`. Or a dataset of the
+                library `movement`, which reads the files of SLEAP, DeepLabCut, idtracker.ai and others
+                (`pip install 'murmuration[tracks]'`).
+            count: Number of nearest individuals, 1 to 100.
+            keypoint: The keypoint of a dataset that is a robot's place; by default, the mean of all keypoints.
+            arena: Width and height of the filmed arena, in units of the tracks; by default, tracks are in world units.
+            origin: The place of 0, 0 in the arena: `corner` or `centre`.
+            y: The direction in which y grows: `down` or `up`.
+            degrees: Whether headings are in degrees.
+            fps: Frames per unit of the world's time.
+            frame_time: Time from one frame to the next, in units of the world's time; by default, one step.
+            min_frames: Leaves out robots that are seen in fewer frames.
+            robot: A file that describes the robots; by default, the campaign's robots.
+
+        Raises:
+            InvalidError: If the tracks cannot be meant: outside the walls, far too small, or with robots that are seldom
+                seen. The message names the option that can mend them.
+
+        Example:
+            >>> film = campaign.replay(0)
+            >>> frames, robots, _ = film.poses.shape
+            >>> tracks = {
+            ...     "frame": np.repeat(film.steps, robots),
+            ...     "robot": np.tile(np.arange(robots), frames),
+            ...     "x": film.poses[:, :, 0].ravel(),
+            ...     "y": film.poses[:, :, 1].ravel(),
+            ...     "heading": film.poses[:, :, 2].ravel(),
+            ... }
+            >>> campaign.recognise(tracks).neighbours["index"][0].as_py()
+            0
+        """
+        words = ["--campaign", self.id, "--count", str(whole("count", count, 1, 100))]
+        words += ["--origin", text("origin", origin), "--y", text("y", y)]
+        if arena is not None:
+            words += ["--arena", "x".join(str(positive("arena", side)) for side in arena)]
+        if flag("degrees", degrees):
+            words.append("--degrees")
+        for option, time in (("fps", fps), ("frame-time", frame_time)):
+            if time is not None:
+                words += [f"--{option}", str(positive(option, time))]
+        if min_frames is not None:
+            words += ["--min-frames", str(whole("min_frames", min_frames, 0, (1 << 32) - 1))]
+        if robot is not None:
+            words += ["--robot", path("robot", robot)]
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "tracks.csv")
+            write_tracks(tracks, keypoint, file)
+            return recognition(self._client.command("recognise", os.fspath(file), *words))
 
     def report(self, folder: str | os.PathLike[str]) -> Path:
         """Writes the report of a completed campaign, and returns the path of its page.
