@@ -351,8 +351,8 @@ class Campaign:
 
         Args:
             tracks: A row for each robot in each frame, as a table of pandas, polars or pyarrow or a dict of columns:
-                `frame`, `robot` (a number or a name), `x`, `y`, and perhaps `heading` and `species`. Or a dataset of the
-                library `movement`, which reads the files of SLEAP, DeepLabCut, idtracker.ai and others
+                `frame`, `robot` (a number or a name), `x`, `y`, and perhaps `heading` and `species`. Or a dataset of
+                the library `movement`, which reads the files of SLEAP, DeepLabCut, idtracker.ai and others
                 (`pip install 'murmuration[tracks]'`).
             count: Number of nearest individuals, 1 to 100.
             keypoint: The keypoint of a dataset that is a robot's place; by default, the mean of all keypoints.
@@ -366,8 +366,8 @@ class Campaign:
             robot: A file that describes the robots; by default, the campaign's robots.
 
         Raises:
-            InvalidError: If the tracks cannot be meant: outside the walls, far too small, or with robots that are seldom
-                seen. The message names the option that can mend them.
+            InvalidError: If the tracks cannot be meant: outside the walls, far too small, or with robots that are
+                seldom seen. The message names the option that can mend them.
 
         Example:
             >>> film = campaign.replay(0)

@@ -1,4 +1,4 @@
-"""Tracks of filmed robots: from tables and from `movement`'s datasets to the file that `murmuration recognise` reads."""
+"""Tracks of filmed robots: tables, and datasets of the library `movement`."""
 
 from __future__ import annotations
 
@@ -122,7 +122,9 @@ def _of_dataset(dataset: Any, keypoint: str | None) -> pa.Table:  # noqa: ANN401
         position = position.mean(keypoints, skipna=True)
     individuals = next((name for name in _INDIVIDUALS if name in position.dims), None)
     if individuals is None or not {"time", "space"} <= set(position.dims):
-        raise InvalidError.of("tracks", f"positions by {', '.join(map(str, position.dims))}", "positions by time, space and individuals")
+        raise InvalidError.of(
+            "tracks", f"positions by {', '.join(map(str, position.dims))}", "positions by time, space and individuals"
+        )
     names = [str(name) for name in position[individuals].values]
     places = position.sel(space=["x", "y"]).transpose("time", individuals, "space").to_numpy()
     frames = len(places)
