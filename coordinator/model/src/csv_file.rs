@@ -20,7 +20,7 @@ use std::{
 };
 
 /// Whole numbers from here on are not exact in the floating-point numbers of other tools.
-const FIRST_INEXACT: u64 = 1 << 53;
+pub(crate) const FIRST_INEXACT: u64 = 1 << 53;
 
 /// Why a CSV file cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

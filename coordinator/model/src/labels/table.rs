@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     Timestamp,
-    csv_file::{ColumnNames, CsvError},
+    csv_file::{ColumnNames, CsvError, FIRST_INEXACT},
 };
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, Invalid, Preset, counted};
@@ -63,6 +63,9 @@ impl Table {
                 error: error.to_string(),
             })?;
         let file = LabelFile::read(path, text, names)?;
+        if file.has("class") {
+            file.rows().try_for_each(|row| row.answer().map(drop))?;
+        }
         Self::refuse_ids(&file)?;
         file.need_classes()?;
         let mut answers = Vec::new();
@@ -134,7 +137,9 @@ impl Table {
         let has_seed = self.file.has("seed");
         self.check(|row, answer| {
             let found = individual(answer.index);
-            let is_rounded = has_seed && found.is_some_and(|found| is_rounded(row.cell("seed"), found.seed));
+            let seed = row.cell("seed");
+            let is_own = |found: &v1::Individual| seed == found.seed.to_string();
+            let is_rounded = has_seed && !found.is_some_and(is_own) && is_rounded(seed);
             let same = match found {
                 None => false,
                 Some(found) => {
@@ -179,23 +184,18 @@ impl Table {
     }
 }
 
-/// Whether `cell` has a seed as a spreadsheet rounds it: to 15 digits, or to a floating-point number.
-fn is_rounded(cell: &str, seed: u64) -> bool {
-    let digits = seed.to_string().len() as u32;
-    let unit = 10_u128.pow(digits.saturating_sub(15));
-    let decimal = (u128::from(seed) + unit / 2) / unit * unit;
-    let float = seed as f64;
-    // Tools write a float with all its digits, or with as many as tell it from others and then zeros.
-    let shortest = float.to_string().parse::<u128>().ok();
-    match cell.parse::<u128>() {
-        Ok(number) if number == u128::from(seed) => false,
-        Ok(number) => [decimal, float as u128].contains(&number) || shortest == Some(number),
-        // Shorter whole numbers are exact as floats.
-        Err(_) if digits < 16 => false,
-        Err(_) => cell
+/// Whether `cell` has a seed as other tools round it: to 15 digits, or to a floating-point number with all its digits or the
+/// fewest that tell it from others. A few seeds look like this by chance.
+fn is_rounded(cell: &str) -> bool {
+    let Ok(number) = cell.parse::<u128>() else {
+        return cell
             .parse::<f64>()
-            .is_ok_and(|number| [decimal as f64, float].contains(&number)),
-    }
+            .is_ok_and(|number| number >= FIRST_INEXACT as f64);
+    };
+    let unit = 10_u128.pow((cell.len() as u32).saturating_sub(15).min(30));
+    let float = number as f64;
+    let is_float = float as u128 == number || float.to_string().parse() == Ok(number);
+    number >= u128::from(FIRST_INEXACT) && (number.is_multiple_of(unit) || is_float)
 }
 
 /// Whether a controller has these genes, and its robots are those of `model`. For a preset, the size of the bodies does not
@@ -428,6 +428,7 @@ mod tests {
                 "no row has a class",
             );
         }
+        check_refused("id,class\n1,[1]\n", "the cell has JSON");
         check_refused(
             "index,class,annotator\n1,\"{\"\"choices\"\": [\"\"ring\"\", \"\"random\"\"]}\",ana\n",
             "must be one class; the cell has JSON, as some tools write for several choices",
@@ -462,6 +463,12 @@ mod tests {
             check(seed, "14601381875911695385")
                 .unwrap_err()
                 .contains("another archive")
+        );
+        // The seeds of other archives can be rounded too.
+        assert!(
+            check(9, "14601381875911700000")
+                .unwrap_err()
+                .contains("a spreadsheet has rounded it")
         );
         assert!(check(seed, "x").unwrap_err().contains("a whole number"));
         assert_eq!(check(7, "7.0"), Ok(()));
