@@ -140,7 +140,6 @@ mod tests {
                 spread: 0.25,
                 is_taxonomy: true,
                 is_unlike,
-                ..v1::FindNearestResponse::default()
             };
             verdict("quick-1", &nearest)
         };
