@@ -205,12 +205,13 @@ impl Tracks {
             return Ok(None);
         }
         let mut counts = vec![0; model.species().len()];
-        let mut placed = Vec::with_capacity(self.robots.len());
-        for robot in &self.robots {
-            let place = self.place_of_species(robot, model)?;
-            counts[place] += 1;
-            placed.push((place, robot.clone()));
-        }
+        let places = self
+            .robots
+            .iter()
+            .map(|robot| self.place_of_species(robot, model));
+        let places = places.collect::<Result<Vec<usize>, _>>()?;
+        places.iter().for_each(|&place| counts[place] += 1);
+        let mut placed: Vec<_> = places.into_iter().zip(std::mem::take(&mut self.robots)).collect();
         placed.sort_by_key(|(place, _)| *place);
         self.robots = placed.into_iter().map(|(_, robot)| robot).collect();
         Ok(Some(counts))
@@ -275,12 +276,8 @@ impl Tracks {
 
 /// Whether a row is one of units or names of columns, which some tools write below the header.
 fn is_of_header(row: &CsvRow) -> bool {
-    let numbers = COLUMNS[..4].iter().map(|column| row.cell(column));
     let is_word = |cell: &str| !is_no_value(cell) && cell.parse::<f64>().is_err();
-    row.cell("frame").parse::<f64>().is_err()
-        && is_word(row.cell("x"))
-        && is_word(row.cell("y"))
-        && numbers.count() == 4
+    row.cell("frame").parse::<f64>().is_err() && is_word(row.cell("x")) && is_word(row.cell("y"))
 }
 
 /// The frame and the sighting of a row; `None` if the robot is not seen in this frame.

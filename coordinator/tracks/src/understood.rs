@@ -146,7 +146,7 @@ mod tests {
         TracksFile::open(Path::new("t.csv"), text, ColumnNames::default()).unwrap()
     }
 
-    /// What is understood of 24 robots in a square with this corner and side, in 60 frames.
+    /// Reads tracks of 24 robots in a square with this corner and side, in 60 frames, and checks them.
     fn understood(corner: f64, side: f64, filmed: &Filmed<'_>) -> Result<Understood, String> {
         let rows: String = (0..60 * 24)
             .map(|row| {
