@@ -41,7 +41,8 @@ impl Table {
     /// rows that name no annotator.
     ///
     /// # Errors
-    /// If the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
+    /// If the text is not CSV, a column or a value is missing or not allowed, an annotator has two answers about an individual and no
+    /// times tell which is newer, a bare column `id` identifies the individuals, or no row has a class.
     pub fn parse(path: &Path, text: &[u8], annotator: Option<&Annotator>) -> Result<Self, LabelFileError> {
         Self::parse_named(path, text, annotator, ColumnNames::default())
     }
@@ -63,13 +64,11 @@ impl Table {
                 error: error.to_string(),
             })?;
         let file = LabelFile::read(path, text, names)?;
-        if file.has("class") {
-            file.rows().try_for_each(|row| row.answer().map(drop))?;
-        }
+        let newest = file.newest(|row| row.annotator(annotator))?;
         Self::refuse_ids(&file)?;
         file.need_classes()?;
         let mut answers = Vec::new();
-        for newest in file.newest(|row| row.annotator(annotator))? {
+        for newest in newest {
             let answer = v1::Answer {
                 index: newest.row.index()?,
                 answer: newest.answer.to_string(),
@@ -428,7 +427,7 @@ mod tests {
                 "no row has a class",
             );
         }
-        check_refused("id,class\n1,[1]\n", "the cell has JSON");
+        check_refused("id,class,annotator\n1,[1],ana\n", "the cell has JSON");
         check_refused(
             "index,class,annotator\n1,\"{\"\"choices\"\": [\"\"ring\"\", \"\"random\"\"]}\",ana\n",
             "must be one class; the cell has JSON, as some tools write for several choices",
