@@ -83,25 +83,43 @@ impl Nearest {
         let labelled = labelled.filter(|&place| place < distances.len()).min_by(nearer);
         let medoid = clustering.medoids.iter().copied().min_by(nearer);
         let medoid = medoid.ok_or(NearestError::NoMedoid(distances.len()))?;
-        let of_cluster = |cluster: u32| clustering.medoids.get(cluster as usize).copied();
-        let mean = |only: Option<usize>| {
-            let (mut sum, mut members) = (0.0, 0_u32);
-            for (&cluster, member) in clustering.clusters.iter().zip(0..) {
-                if let Some(own) = of_cluster(cluster).filter(|own| only.is_none_or(|only| only == *own)) {
-                    sum += behaviours.squared_distance(member, own).sqrt();
-                    members += 1;
-                }
+        let (mut of_cluster, mut of_all) = (Mean::default(), Mean::default());
+        for (&cluster, member) in clustering.clusters.iter().zip(0..) {
+            let Some(&own) = clustering.medoids.get(cluster as usize) else {
+                continue;
+            };
+            let distance = behaviours.squared_distance(member, own).sqrt();
+            of_all.add(distance);
+            if own == medoid {
+                of_cluster.add(distance);
             }
-            sum / f64::from(members.max(1))
-        };
+        }
         Ok(Self {
             neighbours: places.into_iter().map(neighbour).collect(),
             labelled: labelled.map(neighbour),
             medoid: neighbour(medoid),
-            mean_distance: mean(Some(medoid)),
-            spread: mean(None),
+            mean_distance: of_cluster.value(),
+            spread: of_all.value(),
             is_taxonomy: clustered.is_taxonomy,
         })
+    }
+}
+
+/// A mean of the numbers added so far; 0 without numbers.
+#[derive(Default)]
+struct Mean {
+    sum: f64,
+    count: u32,
+}
+
+impl Mean {
+    fn add(&mut self, number: f64) {
+        self.sum += number;
+        self.count += 1;
+    }
+
+    fn value(&self) -> f64 {
+        self.sum / f64::from(self.count.max(1))
     }
 }
 
