@@ -9,12 +9,12 @@ use super::{
     run::{InProcessArgs, go_on, read_spec},
     table::{Table, left, right},
     taxonomy,
-    validation::{Validated as _, get_campaign, get_digest, validated},
+    validation::{get_campaign, get_digest, list_campaigns, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
-use murmuration_proto::{parts::whole, v1};
+use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, in_full};
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -191,10 +191,7 @@ impl List {
 }
 
 async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
-    let list = async |connection: &mut Connection| {
-        let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
-        whole(listed.await?.into_inner()).await?.campaigns.validated()
-    };
+    let list = async |connection: &mut Connection| list_campaigns(&mut connection.client).await;
     connection::with(global, InProcess::NONE, list).await
 }
 

@@ -10,14 +10,14 @@ use super::{
     controller,
     files::{FileType, Overwrite, check_outputs},
     robots::described,
-    validation::{Validated as _, get_campaign, validated},
+    validation::{get_campaign, list_campaigns, validated},
 };
 use assumed::{Assumed, Compared};
 use film::Film;
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_onnx::EmbedderModel;
-use murmuration_proto::{parts::whole, v1};
+use murmuration_proto::v1;
 use murmuration_report::picture;
 use murmuration_sim::{evaluate::observe, features::FEATURE_STEPS};
 use murmuration_swarm::{
@@ -162,20 +162,15 @@ impl Recognise {
 
     /// The campaign with which the swarm is compared.
     async fn campaign(&self, connection: &mut Connection) -> Result<v1::Campaign, CliError> {
-        let named = match &self.campaign {
-            Some(campaign) => campaign.clone(),
-            None => {
-                let listed = connection
-                    .client
-                    .list_campaigns(v1::ListCampaignsRequest {})
-                    .await?;
-                let all = whole(listed.into_inner()).await?.campaigns.validated()?;
-                let is_complete = |campaign: &&v1::Campaign| campaign.state() == v1::CampaignState::Completed;
-                let newest = all.iter().rev().find(is_complete);
-                newest.map_or("latest", |campaign| &campaign.id).to_owned()
-            }
-        };
-        get_campaign(&mut connection.client, named).await
+        if let Some(campaign) = &self.campaign {
+            return get_campaign(&mut connection.client, campaign).await;
+        }
+        let all = list_campaigns(&mut connection.client).await?;
+        let is_complete = |campaign: &v1::Campaign| campaign.state() == v1::CampaignState::Completed;
+        match all.into_iter().rev().find(is_complete) {
+            Some(newest) => Ok(newest),
+            None => get_campaign(&mut connection.client, "latest").await,
+        }
     }
 
     /// The robots and their world: those of `--robot`, or else the campaign's.

@@ -9,13 +9,13 @@ use super::{
     launch::{Launch, TogetherArgs, is_interrupted},
     next_step, quoted,
     report::write_report,
-    validation::{self, Validated as _, get_campaign, get_digest, validated},
+    validation::{self, get_campaign, get_digest, list_campaigns, validated},
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
-use murmuration_proto::{parts::whole, v1};
+use murmuration_proto::v1;
 use murmuration_store::{DataDirectory, StoreError, blocking::interruptible};
 use murmuration_swarm::{CampaignSpec, counted};
 use std::{
@@ -237,8 +237,7 @@ async fn newest_of(
     connection: &mut Connection,
     spec: &CampaignSpec,
 ) -> Result<Option<v1::Campaign>, CliError> {
-    let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
-    let all = whole(listed.await?.into_inner()).await?.campaigns.validated()?;
+    let all = list_campaigns(&mut connection.client).await?;
     let wanted = v1::CampaignSpec::from(spec);
     let is_wanted = |campaign: &v1::Campaign| {
         campaign.spec.as_ref() == Some(&wanted) && campaign.state() != v1::CampaignState::Cancelled

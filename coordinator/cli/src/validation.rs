@@ -4,7 +4,7 @@
 
 use super::{CliError, connection::Client};
 use murmuration_model::CampaignId;
-use murmuration_proto::v1;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_swarm::{CheckpointDigest, Invalid, Text};
 use tonic::Response;
 
@@ -24,6 +24,12 @@ pub async fn get_campaign(
 ) -> Result<v1::Campaign, CliError> {
     let campaign = campaign.into();
     validated(client.get_campaign(v1::GetCampaignRequest { campaign }).await?)
+}
+
+/// All campaigns, oldest first.
+pub async fn list_campaigns(client: &mut Client) -> Result<Vec<v1::Campaign>, CliError> {
+    let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
+    whole(listed.into_inner()).await?.campaigns.validated()
 }
 
 /// The digest of the archive of a campaign.
