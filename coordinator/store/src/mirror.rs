@@ -88,7 +88,7 @@ pub enum MirrorError {
 }
 
 impl MirrorError {
-    /// Whether the mirror refused this process for good, so that no entry of it can be there.
+    /// Whether the mirror cannot be this data directory's: it refuses the directory, or has none of its entries.
     const fn is_refusal(&self) -> bool {
         matches!(
             self,
@@ -357,19 +357,21 @@ impl Claimed {
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
         known.write(data)?;
         let claim = self.entry(What::Claim, payload)?;
-        let placed = self.entries.put(self.next, &claim).await?;
-        if placed == Placed::Ours && self.next > 1 {
+        if self.entries.put(self.next, &claim).await? == Placed::Another {
+            return Ok(false);
+        }
+        if self.next > 1 {
             self.entries.expect(self.next - 1, None).await?;
         }
         // If this takes the place of the claim, it is one too.
         let trial = self.entry(What::Claim, b"trial")?;
-        if placed == Placed::Ours && self.entries.put(self.next, &trial).await? == Placed::Ours {
+        if self.entries.put(self.next, &trial).await? == Placed::Ours {
             return Err(MirrorError::NoFence(self.entries.objects.to_string()));
         }
         self.claim = (self.next, claim);
         self.epoch_begins = self.next;
         self.next += 1;
-        Ok(placed == Placed::Ours)
+        Ok(true)
     }
 
     fn entry(&self, what: What, payload: &[u8]) -> Result<Bytes, MirrorError> {
