@@ -1,4 +1,4 @@
-//! What the command understood of the tracks, and what it assumes about the data that they lack.
+//! The command's interpretation of the tracks, and its assumptions about missing data.
 
 use super::super::CliError;
 use murmuration_link::errln;

@@ -164,7 +164,7 @@ impl Campaigns {
             let store = &campaigns.context.store;
             let started = store.run(move |store| store.start_campaign(&new, created_ms));
             let Started { id, is_new } = match started.await {
-                // What is stored happens, even if the mirror lacks it.
+                // A stored decision is carried out even if the mirror lacks it.
                 Err(error) if error.is_stored() => {
                     campaigns.resume_interrupted().await?;
                     return Err(error.into());

@@ -108,7 +108,7 @@ impl Campaigns {
             let deletion = campaigns.deletion(&id).await?;
             let deleted = id.clone();
             let delete = move |store: &Store| store.delete_campaign(&deleted, study.as_ref(), has_failed);
-            // What is stored happens, even if the mirror lacks it.
+            // A stored decision is carried out even if the mirror lacks it.
             let unmirrored = match campaigns.context.store.run(delete).await {
                 Err(DeletionError::Store(error)) if error.is_stored() => Some(error),
                 deleted => deleted.map(|()| None)?,
@@ -162,7 +162,7 @@ impl Campaigns {
         }
         let id = deciding.id.clone();
         let decide = move |store: &Store| store.decide(&id, decision, has_failed);
-        // What is stored happens, even if the mirror lacks it.
+        // A stored decision is carried out even if the mirror lacks it.
         let unmirrored = match self.context.store.run(decide).await {
             Err(DecisionError::Store(error)) if error.is_stored() => Some(error),
             decided => decided.map(|()| None)?,

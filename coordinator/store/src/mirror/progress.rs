@@ -104,7 +104,7 @@ pub(super) struct Piece {
     pub(super) bytes: Vec<u8>,
 }
 
-/// What the sender does next.
+/// The next task of the sender.
 pub(super) struct Next {
     /// Whether only a snapshot is of use.
     pub(super) is_torn: bool,
@@ -378,7 +378,7 @@ impl Mirror {
         }
     }
 
-    /// What the mirror must have before a snapshot whose file was read until now, because the file can have it already.
+    /// The part of the log that the mirror must have before a snapshot whose file was read until now: the file can have this part.
     pub(super) fn needs(&self, reading: Reading) -> End {
         match reading.is_torn {
             // Since the log began anew, nothing of it was written into the file.

@@ -1,4 +1,4 @@
-//! The task that sends the database's log to the mirror, and snapshots of the database's file.
+//! The thread that sends the database's log to the mirror, and snapshots of the database's file.
 
 use super::{
     Claimed, Mirror, MirrorError,
