@@ -2,7 +2,7 @@
 
 use super::{
     limits::{MAX_ELEMENTS, MAX_PRODUCTS, MAX_VALUE_ELEMENTS},
-    shape::product,
+    value::product,
 };
 
 /// The multiplications and the memory that a model may still use per image.

@@ -5,11 +5,17 @@
 
 use super::{
     EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
-    NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor,
-    tensor_proto::DataType, tensor_shape_proto::dimension,
+    NodeProto, TypeProto, ValueInfoProto,
+    batches::keeps_images_apart,
+    budget::Budget,
+    operators::{self, Operation},
+    tensor,
+    tensor_proto::DataType,
+    tensor_shape_proto::dimension,
+    value::{Element, Value},
 };
 use murmuration_proto::wire::MessageShapes;
-use murmuration_swarm::PictureShape;
+use murmuration_swarm::{PictureShape, counted};
 use prost::Message as _;
 use std::{collections::BTreeMap, ops::RangeInclusive, sync::LazyLock};
 
@@ -21,10 +27,10 @@ static MODEL: LazyLock<MessageShapes> =
 /// Maximum number of messages, texts and lists in a model file: enough for 1024 nodes with 90 parts each.
 const MAX_PARTS: usize = 100_000;
 
-/// An embedder as an ONNX model. The model turns B x C x H x W raw grey values (0 to 255, as floats) into B x N numbers, for any
-/// B. C is 1 to 4.
+/// An embedder as an ONNX model. The model turns B x C x H x W raw grey values (0 to 255, as floats) into B x N numbers. C is 1
+/// to 4. B is any number if the model [takes batches](Self::takes_batches), and 1 otherwise.
 ///
-/// Each image's embedding depends on that image alone: no allowed operator mixes the images of a batch.
+/// Each image's embedding depends on that image alone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EmbedderModel {
     encoded: Vec<u8>,
@@ -33,6 +39,7 @@ pub struct EmbedderModel {
     images: ImageShape,
     dimensions: usize,
     largest_value: usize,
+    takes_batches: bool,
 }
 
 /// Error in a file that should be an embedder.
@@ -46,8 +53,8 @@ pub enum ModelError {
     NotOnnx(String),
     /// The model's input is not a batch of images, or the model has several inputs.
     #[error(
-        "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open, 1 to 4 \
-         channels"
+        "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open or 1, \
+         1 to 4 channels"
     )]
     Input(String),
     /// The model's output is not a batch of vectors, or the model has several outputs.
@@ -77,23 +84,21 @@ impl EmbedderModel {
     /// Fails if the model needs too much memory or time per image ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
     /// [`MAX_ELEMENTS`](super::MAX_ELEMENTS), [`MAX_PRODUCTS`](super::MAX_PRODUCTS)).
     pub fn read(file: &[u8]) -> Result<Self, ModelError> {
-        if file.len() > MAX_MODEL_BYTES {
-            return Err(ModelError::TooLarge(file.len()));
-        }
-        let parts = MODEL.check::<ModelProto>(file, MAX_PARTS);
-        parts.map_err(|refused| ModelError::NotOnnx(refused.to_string()))?;
-        let model = ModelProto::decode(file).map_err(|error| ModelError::NotOnnx(error.to_string()))?;
-        let graph = graph(&model)?;
+        let model = decode(file)?;
+        let (graph, opset) = graph(&model)?;
         let constants = constants(graph)?;
         let input = single_input(graph, &constants)?;
-        let images = image_shape(input)?;
+        let (images, is_open) = image_shape(input)?;
         let output = single_output(graph)?;
-        let image = Value::Batched(vec![images.channels, images.height, images.width]);
-        let values = follow(graph, constants, &input.name, image)?;
+        let sizes = vec![1, images.channels, images.height, images.width];
+        let image = Value::new(sizes, Element::Float, true);
+        let followed = follow(graph, opset, constants, &input.name, image)?;
+        let values = &followed.values;
         Ok(Self {
             images,
             dimensions: dimensions(&output.name, values.get(&output.name))?,
             largest_value: values.values().map(Value::elements).max().unwrap_or(0),
+            takes_batches: is_open && followed.keeps_images_apart,
             input: input.name.clone(),
             output: output.name.clone(),
             encoded: model.encode_to_vec(),
@@ -131,6 +136,13 @@ impl EmbedderModel {
         self.dimensions
     }
 
+    /// Whether the model embeds any number of images at once, with the same bits as each image alone. Other models embed one image
+    /// at a time.
+    #[must_use]
+    pub const fn takes_batches(&self) -> bool {
+        self.takes_batches
+    }
+
     /// Number of elements of the largest value, constants included, per image. The memory of a batch grows with this number.
     #[must_use]
     pub const fn largest_value(&self) -> usize {
@@ -138,8 +150,18 @@ impl EmbedderModel {
     }
 }
 
-/// The model's graph, if the model computes nothing else and its version and size are allowed.
-fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
+/// The messages of a model file.
+pub(super) fn decode(file: &[u8]) -> Result<ModelProto, ModelError> {
+    if file.len() > MAX_MODEL_BYTES {
+        return Err(ModelError::TooLarge(file.len()));
+    }
+    let parts = MODEL.check::<ModelProto>(file, MAX_PARTS);
+    parts.map_err(|refused| ModelError::NotOnnx(refused.to_string()))?;
+    ModelProto::decode(file).map_err(|error| ModelError::NotOnnx(error.to_string()))
+}
+
+/// The model's graph and the version of its operators, if the model computes nothing else and its version and size are allowed.
+fn graph(model: &ModelProto) -> Result<(&GraphProto, i64), ModelError> {
     let Some(graph) = &model.graph else {
         return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
     };
@@ -151,7 +173,8 @@ fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
     let problem = if opset < OLDEST_OPSET {
         format!("its operators are of version {opset}: {OLDEST_OPSET} or newer is needed")
     } else if !model.functions.is_empty() {
-        "it defines operators of its own".to_owned()
+        "it defines operators of its own: export it with a newer PyTorch, or inline its functions with onnx.inliner"
+            .to_owned()
     } else if !graph.sparse_initializer.is_empty() {
         "it has sparse constants".to_owned()
     } else if graph.node.len() > MAX_NODES {
@@ -160,7 +183,7 @@ fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
             graph.node.len()
         )
     } else {
-        return Ok(graph);
+        return Ok((graph, opset));
     };
     Err(ModelError::NotOnnx(problem))
 }
@@ -209,8 +232,8 @@ fn single_output(graph: &GraphProto) -> Result<&ValueInfoProto, ModelError> {
     }
 }
 
-/// The shape of the images that `input` takes.
-fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
+/// The shape of the images that `input` takes, and whether their number is open; otherwise it is 1.
+fn image_shape(input: &ValueInfoProto) -> Result<(ImageShape, bool), ModelError> {
     let refused = |problem: &str| Err(ModelError::Input(format!("{:?} {problem}", input.name)));
     let Some(tensor) = input
         .r#type
@@ -232,7 +255,12 @@ fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
         })
         .collect();
     match sizes[..] {
-        [None, Some(channels), Some(height), Some(width)] => {
+        [
+            batch @ (None | Some(1)),
+            Some(channels),
+            Some(height),
+            Some(width),
+        ] => {
             let within = |size, sizes: RangeInclusive<usize>| {
                 let size = usize::try_from(size).ok();
                 size.filter(|size| sizes.contains(size))
@@ -241,11 +269,14 @@ fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
                 return refused(&format!("has the shape {}", shown(&sizes)));
             };
             match (within(height, IMAGE_SIDES), within(width, IMAGE_SIDES)) {
-                (Some(height), Some(width)) => Ok(ImageShape {
-                    channels,
-                    height,
-                    width,
-                }),
+                (Some(height), Some(width)) => {
+                    let images = ImageShape {
+                        channels,
+                        height,
+                        width,
+                    };
+                    Ok((images, batch.is_none()))
+                }
                 _ => refused(&format!(
                     "is of {height} x {width} pixels, a side not from 1 to 1000"
                 )),
@@ -265,60 +296,93 @@ fn shown(sizes: &[Option<i64>]) -> String {
     format!("[{}]", sizes.join(", "))
 }
 
-/// The shape of every value of the graph by name: the constants, the images, and the outputs of all nodes.
+/// What following a graph from its input to its last node shows.
+struct Followed {
+    /// Every value by name: the constants, the images, and the outputs of all nodes.
+    values: BTreeMap<String, Value>,
+    /// Whether every node treats the images of a batch separately.
+    keeps_images_apart: bool,
+}
+
 fn follow(
     graph: &GraphProto,
+    opset: i64,
     constants: BTreeMap<String, Value>,
     input: &str,
     image: Value,
-) -> Result<BTreeMap<String, Value>, ModelError> {
-    let mut values = constants;
-    values.insert(input.to_owned(), image);
+) -> Result<Followed, ModelError> {
+    let mut followed = Followed {
+        values: constants,
+        keeps_images_apart: true,
+    };
+    followed.values.insert(input.to_owned(), image);
     let mut budget = Budget::full();
     for node in &graph.node {
         let refused = |problem| ModelError::Node {
             node: format!("{} ({})", node.op_type, node.output.join(", ")),
             problem,
         };
-        let (name, value) = evaluate(node, &values, &mut budget).map_err(refused)?;
-        if values.insert(name.to_owned(), value).is_some() {
-            return Err(refused("its output has the name of another value".to_owned()));
-        }
+        followed.add(node, opset, &mut budget).map_err(refused)?;
     }
-    Ok(values)
+    Ok(followed)
 }
 
-/// The output of a node: its name and its shape.
-fn evaluate<'a>(
-    node: &'a NodeProto,
-    values: &BTreeMap<String, Value>,
-    budget: &mut Budget,
-) -> Result<(&'a str, Value), String> {
-    if !is_standard(&node.domain) {
-        return Err(format!("operators of {:?} are not allowed", node.domain));
+impl Followed {
+    /// Adds the outputs of a node.
+    fn add(&mut self, node: &NodeProto, opset: i64, budget: &mut Budget) -> Result<(), String> {
+        if !is_standard(&node.domain) {
+            return Err(format!("operators of {:?} are not allowed", node.domain));
+        }
+        let taken = |name: &String| match self.values.get(name) {
+            _ if name.is_empty() => Ok(None),
+            Some(value) => Ok(Some(value)),
+            None => Err(format!("no earlier node makes {name:?}")),
+        };
+        let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
+        let operation = Operation::new(node, inputs, opset);
+        let outputs = operators::outputs(&operation, budget)?;
+        if node.output.first().is_none_or(String::is_empty) {
+            return Err("its first output must have a name".to_owned());
+        }
+        if node
+            .output
+            .iter()
+            .skip(outputs.len())
+            .any(|name| !name.is_empty())
+        {
+            return Err(format!(
+                "only its first {} can be used",
+                counted(outputs.len() as u64, "output")
+            ));
+        }
+        let keeps_apart = outputs
+            .iter()
+            .all(|output| keeps_images_apart(&operation, output));
+        for (name, output) in node
+            .output
+            .iter()
+            .zip(outputs)
+            .filter(|(name, _)| !name.is_empty())
+        {
+            budget.keep(output.elements())?;
+            if self.values.insert(name.clone(), output).is_some() {
+                return Err("its output has the name of another value".to_owned());
+            }
+        }
+        self.keeps_images_apart &= keeps_apart;
+        Ok(())
     }
-    let [output] = node.output.as_slice() else {
-        return Err("it must have one output".to_owned());
-    };
-    let taken = |name: &String| {
-        values
-            .get(name)
-            .ok_or_else(|| format!("no earlier node makes {name:?}"))
-    };
-    let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
-    let value = operators::output(node, &inputs, budget)?;
-    budget.keep(value.elements())?;
-    Ok((output, value))
 }
 
 fn dimensions(name: &str, output: Option<&Value>) -> Result<usize, ModelError> {
     let made = match output {
-        Some(Value::Batched(sizes)) => match sizes[..] {
-            [dimensions] if EMBEDDING_DIMENSIONS.contains(&dimensions) => return Ok(dimensions),
-            _ => format!("has the shape batch x {sizes:?}"),
-        },
-        Some(Value::Constant { .. }) => "does not depend on the image".to_owned(),
         None => "is made by no node".to_owned(),
+        Some(output) if !output.of_image => "does not depend on the image".to_owned(),
+        Some(output) => match output.sizes[..] {
+            _ if output.element != Element::Float => "is not of 32-bit floats".to_owned(),
+            [1, dimensions] if EMBEDDING_DIMENSIONS.contains(&dimensions) => return Ok(dimensions),
+            _ => format!("has the shape {:?} for one image", output.sizes),
+        },
     };
     Err(ModelError::Output(format!("{name:?} {made}")))
 }

@@ -1,5 +1,7 @@
 //! The protobuf messages of an ONNX model file that an embedder needs (`onnx.proto`).
 
+mod attributes;
+mod batches;
 mod budget;
 mod embedder_model;
 mod image_shape;
@@ -7,6 +9,7 @@ mod limits;
 mod operators;
 mod shape;
 mod tensor;
+mod value;
 
 pub use embedder_model::{EmbedderModel, ModelError};
 pub use image_shape::ImageShape;

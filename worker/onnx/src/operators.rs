@@ -1,308 +1,419 @@
-//! The operators that an embedder may use, and the shapes of their outputs.
+//! The operators that an embedder may use, and the shapes of their outputs for one image.
 //!
-//! No operator mixes the images of a batch, reads anything outside the model, or keeps state between runs.
+//! No operator here reads anything outside the model, keeps state between runs, draws random numbers, or makes a value whose shape
+//! depends on the image.
+
+mod layout;
+mod normalisation;
+mod products;
+mod windows;
 
 use super::{
-    AttributeProto, NodeProto,
+    NodeProto,
     attribute_proto::AttributeType,
+    attributes::Attributes,
     budget::Budget,
-    shape::{Value, Window, broadcast, product, reduce, reshape, slide},
+    shape::{broadcast, reduce},
     tensor,
-    tensor_proto::DataType,
+    value::{Element, Value},
 };
 
-/// Every operator that [`output`] accepts, for error messages.
-const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant, Conv, Div, Elu, Flatten, Gemm, \
-    GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
-    Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
+/// Operators that map each number by itself.
+const OF_ONE: &[&str] = &[
+    "Abs",
+    "Ceil",
+    "Celu",
+    "Clip",
+    "Cos",
+    "Elu",
+    "Erf",
+    "Exp",
+    "Floor",
+    "Gelu",
+    "HardSigmoid",
+    "HardSwish",
+    "Identity",
+    "LeakyRelu",
+    "Log",
+    "Mish",
+    "Neg",
+    "Reciprocal",
+    "Relu",
+    "Round",
+    "Selu",
+    "Sigmoid",
+    "Sign",
+    "Sin",
+    "Softplus",
+    "Softsign",
+    "Sqrt",
+    "Swish",
+    "Tanh",
+    "ThresholdedRelu",
+];
+/// Operators that combine the numbers at the same place of several values.
+const OF_SEVERAL: &[&str] = &[
+    "Add",
+    "And",
+    "Div",
+    "Equal",
+    "Greater",
+    "GreaterOrEqual",
+    "Less",
+    "LessOrEqual",
+    "Max",
+    "Mean",
+    "Min",
+    "Mod",
+    "Mul",
+    "Or",
+    "PRelu",
+    "Pow",
+    "Sub",
+    "Sum",
+    "Where",
+];
+/// Operators that reduce axes to one number.
+const REDUCTIONS: &[&str] = &[
+    "ReduceL1",
+    "ReduceL2",
+    "ReduceLogSum",
+    "ReduceLogSumExp",
+    "ReduceMax",
+    "ReduceMean",
+    "ReduceMin",
+    "ReduceProd",
+    "ReduceSum",
+    "ReduceSumSquare",
+];
+/// All other operators of [`outputs`].
+const OTHERS: &[&str] = &[
+    "Attention",
+    "AveragePool",
+    "BatchNormalization",
+    "Cast",
+    "CastLike",
+    "Concat",
+    "Constant",
+    "ConstantOfShape",
+    "Conv",
+    "DepthToSpace",
+    "Dropout",
+    "Expand",
+    "Flatten",
+    "Gather",
+    "Gemm",
+    "GlobalAveragePool",
+    "GlobalLpPool",
+    "GlobalMaxPool",
+    "GroupNormalization",
+    "InstanceNormalization",
+    "LRN",
+    "LayerNormalization",
+    "LogSoftmax",
+    "LpNormalization",
+    "LpPool",
+    "MatMul",
+    "MaxPool",
+    "Not",
+    "Pad",
+    "RMSNormalization",
+    "Range",
+    "Reshape",
+    "Resize",
+    "Shape",
+    "Size",
+    "Slice",
+    "Softmax",
+    "SpaceToDepth",
+    "Split",
+    "Squeeze",
+    "Tile",
+    "Transpose",
+    "Unsqueeze",
+];
 
-/// The output of `node` for `inputs`. Subtracts the node's cost from `budget`.
-pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -> Result<Value, String> {
-    let attributes = Attributes(&node.attribute);
-    match (node.op_type.as_str(), inputs) {
-        ("Constant", []) => constant(&node.attribute),
-        (
-            "Abs" | "Elu" | "Identity" | "LeakyRelu" | "Neg" | "Relu" | "Sigmoid" | "Softplus" | "Sqrt"
-            | "Tanh",
-            [x],
-        ) => floats(x),
-        ("Cast", [x]) => match attributes.integer("to", 0)? {
-            to if to == i64::from(DataType::Float as i32) => floats(x),
-            to => Err(format!("it casts to type {to}: only floats are allowed")),
-        },
-        ("Add" | "Sub" | "Mul" | "Div", [a, b]) => broadcast(a, b),
-        ("Conv", [x, weights, bias @ ..]) if bias.len() <= 1 => {
-            convolution(attributes, x, weights, bias, budget)
+/// Error text for an operator that is in none of these lists.
+const NOT_ALLOWED: &str =
+    "this operator is not among those that an embedder may use (docs/embedders.md lists them)";
+
+/// A node with its inputs.
+pub(super) struct Operation<'a> {
+    pub(super) operator: &'a str,
+    pub(super) attributes: Attributes<'a>,
+    /// `None` for an optional input that is left out.
+    inputs: Vec<Option<&'a Value>>,
+    /// Number of outputs that other nodes can use.
+    outputs: usize,
+    /// Version of the operators.
+    opset: i64,
+}
+
+impl<'a> Operation<'a> {
+    pub(super) fn new(node: &'a NodeProto, inputs: Vec<Option<&'a Value>>, opset: i64) -> Self {
+        Self {
+            operator: &node.op_type,
+            attributes: Attributes(&node.attribute),
+            inputs,
+            outputs: node.output.len(),
+            opset,
         }
-        ("AveragePool" | "MaxPool", [x]) => pooling(attributes, x, budget),
-        ("GlobalAveragePool" | "GlobalMaxPool", [x]) => {
-            let [channels, _, _] = image(x)?;
-            Ok(Value::Batched(vec![channels, 1, 1]))
+    }
+
+    /// All inputs that are not left out.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = &'a Value> + use<'_, 'a> {
+        self.inputs.iter().copied().flatten()
+    }
+
+    pub(super) fn optional(&self, place: usize) -> Option<&'a Value> {
+        self.inputs.get(place).copied().flatten()
+    }
+
+    pub(super) fn input(&self, place: usize) -> Result<&'a Value, String> {
+        let missing = || format!("it has no input {place}");
+        self.optional(place).ok_or_else(missing)
+    }
+
+    /// The first input, if it is of real numbers.
+    pub(super) fn x(&self) -> Result<&'a Value, String> {
+        self.input(0)?.real()
+    }
+
+    /// A value of `sizes` with the first input's type.
+    pub(super) fn like_x(&self, sizes: Vec<usize>) -> Result<Value, String> {
+        Ok(Value::new(sizes, self.input(0)?.element, self.is_of_image()))
+    }
+
+    /// Whole numbers that are an attribute in older versions of an operator and an input in newer ones; `None` if neither is there.
+    pub(super) fn integers(&self, name: &str, place: usize) -> Result<Option<Vec<i64>>, String> {
+        match self.optional(place) {
+            Some(input) => input.integers().map(Some),
+            None => Ok(self.attributes.integers(name)?.map(<[i64]>::to_vec)),
         }
-        ("BatchNormalization", [x, parameters @ ..]) if parameters.len() == 4 => {
-            normalised(attributes, x, parameters)
+    }
+
+    fn is_of_image(&self) -> bool {
+        self.inputs().any(|input| input.of_image)
+    }
+
+    fn expect_inputs(&self, least: usize, most: usize) -> Result<(), String> {
+        let given = self.inputs.len();
+        match (least..=most).contains(&given) && self.inputs().take(least).count() == least {
+            true => Ok(()),
+            false => Err(format!("it cannot have {given} inputs here")),
         }
-        ("GroupNormalization" | "InstanceNormalization", [x, parameters @ ..]) if parameters.len() == 2 => {
-            normalised(attributes, x, parameters)
-        }
-        ("Gemm", [x, weights, bias @ ..]) if bias.len() <= 1 => dense(attributes, x, weights, bias, budget),
-        ("MatMul", [x, weights]) => product_with(x.batched()?, weights.floats()?, budget),
-        // The axes became an input with version 18 of the operators.
-        ("ReduceMean", [x]) => mean(attributes, x, attributes.integers("axes")?),
-        ("ReduceMean", [x, axes]) => mean(attributes, x, axes.integers()?),
-        ("Flatten", [x]) => match attributes.integer("axis", 1)? {
-            1 => Ok(Value::Batched(vec![product(x.batched()?)])),
-            axis => Err(format!(
-                "it flattens from axis {axis}, which does not keep the batch"
-            )),
-        },
-        ("Reshape", [x, target]) => match attributes.integer("allowzero", 0)? {
-            0 => reshape(x.batched()?, target.integers()?).map(Value::Batched),
-            _ => Err("allowzero is not allowed".to_owned()),
-        },
-        (operator, _) if ALLOWED.split(", ").any(|allowed| allowed == operator) => {
-            Err(format!("it cannot have {} inputs here", inputs.len()))
-        }
-        _ => Err(format!("this operator is not allowed, only {ALLOWED}")),
     }
 }
 
-/// A value of floats with the shape of `x`.
-fn floats(x: &Value) -> Result<Value, String> {
-    if let Value::Constant { .. } = x {
-        x.floats()?;
+/// The outputs of an operation. Subtracts the operation's cost from `budget`.
+pub(super) fn outputs(operation: &Operation<'_>, budget: &mut Budget) -> Result<Vec<Value>, String> {
+    if operation.operator == "Split" {
+        return layout::split(operation);
     }
-    Ok(x.clone())
+    output(operation, budget).map(|output| vec![output])
 }
 
-fn constant(attributes: &[AttributeProto]) -> Result<Value, String> {
-    let [value] = attributes else {
+fn output(operation: &Operation<'_>, budget: &mut Budget) -> Result<Value, String> {
+    let operator = operation.operator;
+    let (least, most) = match operator {
+        "Constant" => (0, 0),
+        "Clip" | "Dropout" => (1, 3),
+        "Where" | "Range" => (3, 3),
+        "Max" | "Mean" | "Min" | "Sum" | "Concat" => (1, usize::MAX),
+        "Conv" | "Gemm" | "InstanceNormalization" | "GroupNormalization" => (2, 3),
+        "LayerNormalization" => (2, 3),
+        "BatchNormalization" => (5, 5),
+        "Attention" => (3, 4),
+        "Pad" | "Resize" => (1, 4),
+        "Slice" => (1, 5),
+        "Reshape" | "Expand" | "Tile" | "Gather" | "MatMul" | "CastLike" | "RMSNormalization" => (2, 2),
+        "Squeeze" | "Unsqueeze" => (1, 2),
+        _ if OF_SEVERAL.contains(&operator) => (2, 2),
+        _ if REDUCTIONS.contains(&operator) => (1, 2),
+        _ if OF_ONE.contains(&operator) || OTHERS.contains(&operator) => (1, 1),
+        _ => return Err(NOT_ALLOWED.to_owned()),
+    };
+    operation.expect_inputs(least, most)?;
+    let x = operation.optional(0);
+    match operator {
+        "Constant" => constant(operation),
+        "Cast" => cast(operation),
+        "CastLike" => Ok(operation.input(0)?.cast(operation.input(1)?.element)),
+        "Not" => Ok(operation.input(0)?.with(operation.input(0)?.sizes.clone(), None)),
+        "Dropout" => dropout(operation),
+        "Conv" => windows::convolution(operation, budget),
+        "AveragePool" | "LpPool" | "MaxPool" => windows::pooling(operation, budget),
+        "GlobalAveragePool" | "GlobalLpPool" | "GlobalMaxPool" => {
+            let [channels, _, _] = windows::image(operation.x()?)?;
+            operation.like_x(vec![1, channels, 1, 1])
+        }
+        "BatchNormalization" | "GroupNormalization" | "InstanceNormalization" => {
+            normalisation::by_channel(operation)
+        }
+        "LRN" => windows::image(operation.x()?).and_then(|_| operation.like_x(operation.x()?.sizes.clone())),
+        "LayerNormalization" | "RMSNormalization" => normalisation::by_layer(operation),
+        "LpNormalization" | "Softmax" | "LogSoftmax" => normalisation::along_axis(operation),
+        "Gemm" => products::dense(operation, budget),
+        "MatMul" => products::matrices(operation, budget),
+        "Attention" => products::attention(operation, budget),
+        _ if REDUCTIONS.contains(&operator) => reduction(operation),
+        _ if OF_ONE.contains(&operator) => of_one(operation),
+        _ if OF_SEVERAL.contains(&operator) => of_several(operation),
+        _ => layout::output(operation, x.map_or(&[], |x| &x.sizes)),
+    }
+}
+
+fn of_one(operation: &Operation<'_>) -> Result<Value, String> {
+    let x = operation.input(0)?;
+    if operation
+        .inputs()
+        .skip(1)
+        .any(|bound| bound.elements() != 1 || bound.of_image)
+    {
+        return Err("its bounds must be single constants".to_owned());
+    }
+    let numbers = x.numbers().and_then(|numbers| {
+        let map = match operation.operator {
+            "Identity" => |number| number,
+            "Neg" => |number: f64| -number,
+            "Floor" => f64::floor,
+            "Ceil" => f64::ceil,
+            _ => return None,
+        };
+        Some(numbers.iter().map(|&number| map(number)).collect())
+    });
+    Ok(x.with(x.sizes.clone(), numbers))
+}
+
+fn of_several(operation: &Operation<'_>) -> Result<Value, String> {
+    let mut sizes = Vec::new();
+    for input in operation.inputs() {
+        sizes = broadcast(&sizes, &input.sizes)?;
+    }
+    let values: Vec<&Value> = operation.inputs().collect();
+    if operation.operator == "PRelu" && sizes != values[0].sizes {
+        return Err("its slopes do not fit".to_owned());
+    }
+    let element = match operation.operator {
+        "And" | "Equal" | "Greater" | "GreaterOrEqual" | "Less" | "LessOrEqual" | "Or" => Element::Truth,
+        "Where" => values[1].element,
+        _ => values[0].element,
+    };
+    let value = Value::new(sizes.clone(), element, operation.is_of_image());
+    let numbers = combined(operation.operator, element, &values);
+    Ok(value.with(sizes, numbers))
+}
+
+/// The numbers of an operation on constants; `None` if an input is unknown or no model computes shapes in this way.
+fn combined(operator: &str, element: Element, values: &[&Value]) -> Option<Vec<f64>> {
+    let numbers: Vec<&[f64]> = values
+        .iter()
+        .map(|value| value.numbers())
+        .collect::<Option<_>>()?;
+    let count = numbers.iter().map(|numbers| numbers.len()).max()?;
+    if numbers.iter().any(|numbers| ![1, count].contains(&numbers.len())) {
+        return None;
+    }
+    let compute = |at: usize| {
+        let operand = |place: usize| numbers.get(place).map(|numbers| numbers[at % numbers.len()]);
+        let (a, b) = (operand(0)?, operand(1)?);
+        Some(match operator {
+            "Add" => a + b,
+            "Sub" => a - b,
+            "Mul" => a * b,
+            "Div" if element.is_whole() => (b != 0.0).then(|| (a / b).trunc())?,
+            "Div" => a / b,
+            "Mod" if element.is_whole() => (b != 0.0).then(|| a.rem_euclid(b))?,
+            "Equal" => f64::from(a == b),
+            "Max" if numbers.len() == 2 => a.max(b),
+            "Min" if numbers.len() == 2 => a.min(b),
+            "Where" => {
+                if a == 0.0 {
+                    operand(2)?
+                } else {
+                    b
+                }
+            }
+            _ => return None,
+        })
+    };
+    (0..count).map(compute).collect()
+}
+
+fn reduction(operation: &Operation<'_>) -> Result<Value, String> {
+    let x = operation.input(0)?;
+    let keeps = operation.attributes.integer("keepdims", 1)? != 0;
+    let axes = operation.integers("axes", 1)?.unwrap_or_default();
+    if axes.is_empty() && operation.attributes.integer("noop_with_empty_axes", 0)? != 0 {
+        return Ok(x.clone());
+    }
+    let all: Vec<i64> = (0..x.rank() as i64).collect();
+    let sizes = reduce(&x.sizes, if axes.is_empty() { &all } else { &axes }, keeps)?;
+    let product = |numbers: &[f64]| vec![numbers.iter().product()];
+    let is_product = operation.operator == "ReduceProd" && x.rank() == 1;
+    Ok(x.with(sizes, x.numbers().filter(|_| is_product).map(product)))
+}
+
+fn cast(operation: &Operation<'_>) -> Result<Value, String> {
+    let to = operation.attributes.integer("to", 0)?;
+    let element = i32::try_from(to).ok().and_then(Element::of);
+    let element = element.ok_or_else(|| format!("it casts to type {to}, which is not allowed"))?;
+    Ok(operation.input(0)?.cast(element))
+}
+
+fn dropout(operation: &Operation<'_>) -> Result<Value, String> {
+    let trains = operation.optional(2).map(Value::numbers);
+    match trains {
+        None | Some(Some([0.0])) => Ok(operation.x()?.clone()),
+        Some(_) => Err("it is in training mode".to_owned()),
+    }
+}
+
+fn constant(operation: &Operation<'_>) -> Result<Value, String> {
+    let [value] = operation.attributes.0 else {
         return Err("it must have one attribute".to_owned());
     };
-    let floats = |sizes| Value::Constant {
-        sizes,
-        integers: None,
-    };
+    let reals = |numbers: &[f32]| numbers.iter().copied().map(f64::from).collect::<Vec<_>>();
+    let wholes = |numbers: &[i64]| numbers.iter().map(|&number| number as f64).collect::<Vec<_>>();
     match (value.name.as_str(), value.r#type(), &value.t) {
         ("value", AttributeType::Tensor, Some(held)) => {
             tensor::constant(held).map_err(|problem| format!("it {problem}"))
         }
-        ("value_float", AttributeType::Float, _) => Ok(floats(Vec::new())),
-        ("value_floats", AttributeType::Floats, _) => Ok(floats(vec![value.floats.len()])),
-        ("value_int", AttributeType::Int, _) => Ok(Value::Constant {
-            sizes: Vec::new(),
-            integers: Some(vec![value.i]),
-        }),
-        ("value_ints", AttributeType::Ints, _) => Ok(Value::Constant {
-            sizes: vec![value.ints.len()],
-            integers: Some(value.ints.clone()),
-        }),
+        ("value_float", AttributeType::Float, _) => {
+            Ok(Value::constant(Vec::new(), Element::Float, reals(&[value.f])))
+        }
+        ("value_floats", AttributeType::Floats, _) => Ok(Value::constant(
+            vec![value.floats.len()],
+            Element::Float,
+            reals(&value.floats),
+        )),
+        ("value_int", AttributeType::Int, _) => {
+            Ok(Value::constant(Vec::new(), Element::Integer, wholes(&[value.i])))
+        }
+        ("value_ints", AttributeType::Ints, _) => Ok(Value::constant(
+            vec![value.ints.len()],
+            Element::Integer,
+            wholes(&value.ints),
+        )),
         (name, _, _) => Err(format!("a constant {name:?} is not allowed")),
     }
 }
 
-/// Channels, height and width of the images `x`.
-fn image(x: &Value) -> Result<[usize; 3], String> {
-    let sizes = x.batched()?;
-    <[usize; 3]>::try_from(sizes).map_err(|_| format!("it takes {sizes:?}, not channels x height x width"))
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn convolution(
-    attributes: Attributes<'_>,
-    x: &Value,
-    weights: &Value,
-    bias: &[&Value],
-    budget: &mut Budget,
-) -> Result<Value, String> {
-    let [channels, height, width] = image(x)?;
-    let sizes = weights.floats()?;
-    let &[filters, depth, kernel_height, kernel_width] = sizes else {
-        return Err(format!("its weights have the shape {sizes:?}, not 4 sizes"));
-    };
-    let groups = usize::try_from(attributes.integer("group", 1)?).unwrap_or(0);
-    if groups == 0 || depth.checked_mul(groups) != Some(channels) || !filters.is_multiple_of(groups) {
-        return Err(format!(
-            "weights of {sizes:?} in {groups} groups do not fit {channels} channels"
-        ));
-    }
-    for bias in bias {
-        if bias.floats()? != [filters] {
-            return Err(format!(
-                "its bias is not one number for each of {filters} filters"
-            ));
-        }
-    }
-    let kernel = [kernel_height, kernel_width];
-    if attributes
-        .pair("kernel_shape")?
-        .is_some_and(|stated| stated != kernel)
-    {
-        return Err("its kernel_shape differs from the shape of its weights".to_owned());
-    }
-    let [height, width] = slid(attributes, [height, width], kernel, false)?;
-    let made = [filters, height, width];
-    budget.pay(&[product(&made), depth, kernel_height, kernel_width])?;
-    Ok(Value::Batched(made.to_vec()))
-}
-
-fn pooling(attributes: Attributes<'_>, x: &Value, budget: &mut Budget) -> Result<Value, String> {
-    let [channels, height, width] = image(x)?;
-    let kernel = attributes.pair("kernel_shape")?.ok_or("it has no kernel_shape")?;
-    let round_up = attributes.integer("ceil_mode", 0)? != 0;
-    let [height, width] = slid(attributes, [height, width], kernel, round_up)?;
-    budget.pay(&[channels, height, width, kernel[0], kernel[1]])?;
-    Ok(Value::Batched(vec![channels, height, width]))
-}
-
-/// Sizes of an image after a window of `kernel` has slid over it, according to the attributes.
-fn slid(
-    attributes: Attributes<'_>,
-    sizes: [usize; 2],
-    kernel: [usize; 2],
-    round_up: bool,
-) -> Result<[usize; 2], String> {
-    if attributes
-        .find("auto_pad")
-        .is_some_and(|padding| padding.s != b"NOTSET")
-    {
-        return Err("auto_pad is not allowed: state the padding".to_owned());
-    }
-    let strides = attributes.pair("strides")?.unwrap_or([1; 2]);
-    let dilations = attributes.pair("dilations")?.unwrap_or([1; 2]);
-    let pads = attributes.list::<4>("pads", 0)?.unwrap_or([0; 4]);
-    let along = |axis: usize| {
-        let window = Window {
-            kernel: kernel[axis],
-            stride: strides[axis],
-            dilation: dilations[axis],
-            before: pads[axis],
-            after: pads[axis + 2],
-        };
-        slide(sizes[axis], &window, round_up)
-            .filter(|&places| places > 0)
-            .ok_or_else(|| format!("a window {window:?} does not fit into {} pixels", sizes[axis]))
-    };
-    Ok([along(0)?, along(1)?])
-}
-
-fn normalised(attributes: Attributes<'_>, x: &Value, parameters: &[&Value]) -> Result<Value, String> {
-    if attributes.integer("training_mode", 0)? != 0 {
-        return Err("it is in training mode".to_owned());
-    }
-    let sizes = x.batched()?;
-    let groups = usize::try_from(attributes.integer("num_groups", 1)?).unwrap_or(0);
-    let channels = *sizes.first().ok_or("it has no channels")?;
-    if groups == 0 || !channels.is_multiple_of(groups) {
-        return Err(format!("{channels} channels do not make {groups} groups"));
-    }
-    for parameter in parameters {
-        let sizes = parameter.floats()?;
-        // Before version 21 of the operators, a group normalisation has one parameter per group.
-        if sizes != [channels] && sizes != [groups] {
-            return Err(format!(
-                "its parameters are of shape {sizes:?} for {channels} channels"
-            ));
-        }
-    }
-    Ok(Value::Batched(sizes.to_vec()))
-}
-
-fn mean(attributes: Attributes<'_>, x: &Value, axes: &[i64]) -> Result<Value, String> {
-    let keeps = attributes.integer("keepdims", 1)? != 0;
-    reduce(x.batched()?, axes, keeps).map(Value::Batched)
-}
-
-fn dense(
-    attributes: Attributes<'_>,
-    x: &Value,
-    weights: &Value,
-    bias: &[&Value],
-    budget: &mut Budget,
-) -> Result<Value, String> {
-    if attributes.integer("transA", 0)? != 0 {
-        return Err("it transposes the batch".to_owned());
-    }
-    let sizes = weights.floats()?;
-    let &[rows, columns] = sizes else {
-        return Err(format!("its weights have the shape {sizes:?}, not 2 sizes"));
-    };
-    let sizes = if attributes.integer("transB", 0)? == 0 {
-        [rows, columns]
-    } else {
-        [columns, rows]
-    };
-    let x = x.batched()?;
-    if x.len() != 1 {
-        return Err(format!("it takes images of {x:?}, not rows"));
-    }
-    let made = product_with(x, &sizes, budget)?;
-    match bias {
-        [bias] if broadcast(&made, bias)? != made => Err("its bias does not fit".to_owned()),
-        _ => Ok(made),
-    }
-}
-
-/// Product of the rows of `x` and a matrix of `weights`.
-fn product_with(x: &[usize], weights: &[usize], budget: &mut Budget) -> Result<Value, String> {
-    match (x, weights) {
-        ([outer @ .., inner], [rows, columns]) if inner == rows => {
-            let made = [outer, &[*columns]].concat();
-            budget.pay(&[product(&made), *inner])?;
-            Ok(Value::Batched(made))
-        }
-        _ => Err(format!("weights of shape {weights:?} do not fit {x:?}")),
-    }
-}
-
-/// A node's parameters by name.
-#[derive(Clone, Copy)]
-struct Attributes<'a>(&'a [AttributeProto]);
-
-impl<'a> Attributes<'a> {
-    fn find(self, name: &str) -> Option<&'a AttributeProto> {
-        self.0.iter().find(|attribute| attribute.name == name)
-    }
-
-    fn integer(self, name: &str, default: i64) -> Result<i64, String> {
-        match self.find(name) {
-            None => Ok(default),
-            Some(attribute) if attribute.r#type() == AttributeType::Int => Ok(attribute.i),
-            Some(_) => Err(format!("{name} is not a whole number")),
-        }
-    }
-
-    /// The attribute `name` as a list of whole numbers; empty if the node has no such attribute.
-    fn integers(self, name: &str) -> Result<&'a [i64], String> {
-        match self.find(name) {
-            None => Ok(&[]),
-            Some(attribute) if attribute.r#type() == AttributeType::Ints => Ok(&attribute.ints),
-            Some(_) => Err(format!("{name} is not a list of whole numbers")),
-        }
-    }
-
-    /// The attribute `name` as `N` sizes from `least` to 1000; `None` if the node has no such attribute.
-    fn list<const N: usize>(self, name: &str, least: usize) -> Result<Option<[usize; N]>, String> {
-        let Some(attribute) = self.find(name) else {
-            return Ok(None);
-        };
-        let sizes = attribute
-            .ints
-            .iter()
-            .map(|&size| usize::try_from(size).unwrap_or(usize::MAX));
-        let sizes: Vec<usize> = sizes.filter(|size| (least..=1000).contains(size)).collect();
-        let refused = || {
-            format!(
-                "{name} = {:?}: must be {N} numbers from {least} to 1000",
-                attribute.ints
-            )
-        };
-        if sizes.len() != attribute.ints.len() || attribute.r#type() != AttributeType::Ints {
-            return Err(refused());
-        }
-        <[usize; N]>::try_from(sizes).map(Some).map_err(|_| refused())
-    }
-
-    fn pair(self, name: &str) -> Result<Option<[usize; 2]>, String> {
-        self.list(name, 1)
+    #[test]
+    fn the_documentation_lists_all_operators() {
+        let mut names = [OF_ONE, OF_SEVERAL, REDUCTIONS, OTHERS].concat();
+        names.sort_unstable();
+        let documented = include_str!("../../../docs/embedders.md");
+        let (_, list) = documented.split_once("<!-- operators -->\n").unwrap();
+        let (list, _) = list.split_once("\n\n").unwrap();
+        let listed: Vec<&str> = list
+            .split([',', '\n', '`', ' '])
+            .filter(|name| !name.is_empty())
+            .collect();
+        assert_eq!(listed, names);
     }
 }

@@ -1,87 +1,9 @@
-//! Shapes of the values in a model, and how operations combine them.
+//! How operations combine the sizes of their inputs. Sizes are whole shapes, outermost first.
 
-/// A value of the graph: separate for each image of the batch, or constant for all images.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Value {
-    /// Sizes of floats that depend on the image, without the first size, which is the batch's.
-    Batched(Vec<usize>),
-    Constant {
-        /// Sizes of the constant; empty for a single number.
-        sizes: Vec<usize>,
-        /// Values of the constant if they are integers; `None` if they are floats.
-        integers: Option<Vec<i64>>,
-    },
-}
+use super::value::{place, product};
 
-impl Value {
-    /// Number of elements per image.
-    pub(super) fn elements(&self) -> usize {
-        let (Self::Batched(sizes) | Self::Constant { sizes, .. }) = self;
-        product(sizes)
-    }
-
-    /// The value's sizes, if the value depends on the image.
-    pub(super) fn batched(&self) -> Result<&[usize], String> {
-        match self {
-            Self::Batched(sizes) => Ok(sizes),
-            Self::Constant { .. } => Err("it takes a constant where the image belongs".to_owned()),
-        }
-    }
-
-    /// The value's sizes, if the value is a constant of floats.
-    pub(super) fn floats(&self) -> Result<&[usize], String> {
-        match self {
-            Self::Constant {
-                sizes,
-                integers: None,
-            } => Ok(sizes),
-            _ => Err("its weights are not constant floats".to_owned()),
-        }
-    }
-
-    /// The integers of the value, if the value is a constant of integers.
-    pub(super) fn integers(&self) -> Result<&[i64], String> {
-        match self {
-            Self::Constant {
-                integers: Some(integers),
-                ..
-            } => Ok(integers),
-            _ => Err("it takes a shape that is not constant".to_owned()),
-        }
-    }
-}
-
-/// Product of `sizes`, at most `usize::MAX`.
-pub(super) fn product(sizes: &[usize]) -> usize {
-    sizes.iter().copied().fold(1, usize::saturating_mul)
-}
-
-/// Result of an elementwise operation on `a` and `b`, by ONNX's (NumPy's) broadcasting rules.
-///
-/// The batch must stay the first dimension, so no value may have more dimensions than a value with a batch.
-pub(super) fn broadcast(a: &Value, b: &Value) -> Result<Value, String> {
-    match (a, b) {
-        (Value::Batched(a), Value::Batched(b)) if a.len() == b.len() => {
-            Ok(Value::Batched(broadcast_sizes(a, b)?))
-        }
-        (Value::Batched(_), Value::Batched(_)) => Err("it mixes the images of a batch".to_owned()),
-        (Value::Batched(batched), constant) | (constant, Value::Batched(batched)) => {
-            let sizes = match constant.floats()? {
-                // This constant has one size more than an image: the size of the batch.
-                [1, sizes @ ..] if sizes.len() == batched.len() => sizes,
-                sizes if sizes.len() <= batched.len() => sizes,
-                sizes => return Err(format!("a constant of shape {sizes:?} does not fit the images")),
-            };
-            Ok(Value::Batched(broadcast_sizes(batched, sizes)?))
-        }
-        (a, b) => Ok(Value::Constant {
-            sizes: broadcast_sizes(a.floats()?, b.floats()?)?,
-            integers: None,
-        }),
-    }
-}
-
-fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
+/// Sizes of an elementwise operation's result, by ONNX's (NumPy's) broadcasting rules.
+pub(super) fn broadcast(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
     let (long, short) = if a.len() >= b.len() { (a, b) } else { (b, a) };
     let missing = long.len() - short.len();
     let pairs = long
@@ -97,59 +19,95 @@ fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
         .collect()
 }
 
-/// Sizes of an image of `sizes` after a reshape to `target`. In `target`, 0 keeps a size, and a single -1 takes all remaining
-/// elements.
-///
-/// The first entry of `target` is for the batch, which must stay whole.
-pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, String> {
-    let refused = || format!("it reshapes images of {sizes:?} to {target:?}, which does not keep the batch");
-    let (&batch, rest) = target.split_first().ok_or_else(refused)?;
-    let rest: Vec<Option<usize>> = rest
-        .iter()
-        .enumerate()
-        .map(|(i, &size)| match size {
-            -1 => Ok(None),
-            0 => sizes.get(i).copied().map(Some).ok_or_else(refused),
-            size => usize::try_from(size).map(Some).map_err(|_| refused()),
-        })
-        .collect::<Result<_, _>>()?;
-    let known = product(&rest.iter().flatten().copied().collect::<Vec<_>>());
+/// Sizes after a reshape to `target`. In `target`, a single -1 takes all remaining elements, and 0 keeps a size unless
+/// `zero_is_a_size`.
+pub(super) fn reshape(sizes: &[usize], target: &[i64], zero_is_a_size: bool) -> Result<Vec<usize>, String> {
+    let refused = || format!("it reshapes {sizes:?} to {target:?}, which does not fit");
+    let reshaped = target.iter().enumerate().map(|(i, &size)| match size {
+        -1 => Ok(None),
+        0 if !zero_is_a_size => sizes.get(i).copied().map(Some).ok_or_else(refused),
+        size => usize::try_from(size).map(Some).map_err(|_| refused()),
+    });
+    let reshaped: Vec<Option<usize>> = reshaped.collect::<Result<_, _>>()?;
+    let known = product(&reshaped.iter().flatten().copied().collect::<Vec<_>>());
     let elements = product(sizes);
-    match (batch, rest.iter().filter(|size| size.is_none()).count()) {
-        (0 | -1, 0) if known == elements => {}
-        (0, 1) if known > 0 && elements.is_multiple_of(known) => {}
+    match reshaped.iter().filter(|size| size.is_none()).count() {
+        0 if known == elements => {}
+        1 if known > 0 && elements.is_multiple_of(known) => {}
         _ => return Err(refused()),
     }
-    Ok(rest
-        .into_iter()
+    let filled = reshaped.into_iter();
+    Ok(filled
         .map(|size| size.unwrap_or(elements / known.max(1)))
         .collect())
 }
 
-/// Sizes of an image of `sizes` after a reduction over `axes`. A reduced axis has size 1 if `kept`, and is removed otherwise.
-///
-/// Axis 0 is the batch, which must stay whole; negative axes count from the end.
+/// Sizes after a reduction over `axes`. A reduced axis has size 1 if `kept`, and is removed otherwise. Negative axes count from the
+/// end.
 pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<usize>, String> {
-    let refused =
-        || format!("it reduces images of {sizes:?} over {axes:?}, which are not axes within an image");
-    let rank = sizes.len() as i64 + 1;
-    let mut reduced = vec![false; sizes.len()];
+    let chosen = chosen(sizes.len(), axes)
+        .ok_or_else(|| format!("it reduces {sizes:?} over {axes:?}, which are not its axes"))?;
+    let left = sizes
+        .iter()
+        .zip(chosen)
+        .filter_map(|(&size, reduced)| match reduced {
+            true => kept.then_some(1),
+            false => Some(size),
+        });
+    Ok(left.collect())
+}
+
+/// For each of `rank` axes, whether `axes` names it; `None` if one of `axes` does not exist or occurs twice.
+pub(super) fn chosen(rank: usize, axes: &[i64]) -> Option<Vec<bool>> {
+    let mut chosen = vec![false; rank];
     for &axis in axes {
-        let from_front = if axis < 0 { axis.saturating_add(rank) } else { axis };
-        let place = usize::try_from(from_front.saturating_sub(1)).map_err(|_| refused())?;
-        let reduced = reduced.get_mut(place).filter(|reduced| !**reduced);
-        *reduced.ok_or_else(refused)? = true;
+        let place = place(axis, rank)?;
+        if std::mem::replace(&mut chosen[place], true) {
+            return None;
+        }
     }
-    // Without `axes`, ONNX would reduce all axes, including the batch.
-    if axes.is_empty() {
+    Some(chosen)
+}
+
+/// Sizes of a matrix product by NumPy's rules, and the number of products per element of the result.
+pub(super) fn matrix_product(a: &[usize], b: &[usize]) -> Result<(Vec<usize>, usize), String> {
+    let refused = || format!("matrices of {a:?} and {b:?} do not fit");
+    let first = if let &[inner] = a {
+        vec![1, inner]
+    } else {
+        a.to_vec()
+    };
+    let second = if let &[inner] = b {
+        vec![inner, 1]
+    } else {
+        b.to_vec()
+    };
+    let ([outer_a @ .., rows, inner], [outer_b @ .., other, columns]) = (&first[..], &second[..]) else {
+        return Err(refused());
+    };
+    if inner != other {
         return Err(refused());
     }
-    let pairs = sizes.iter().zip(reduced);
-    let left = pairs.filter_map(|(&size, reduced)| match reduced {
-        true => kept.then_some(1),
-        false => Some(size),
-    });
-    Ok(left.collect())
+    let mut made = broadcast(outer_a, outer_b)?;
+    made.extend((a.len() > 1).then_some(*rows));
+    made.extend((b.len() > 1).then_some(*columns));
+    Ok((made, *inner))
+}
+
+/// Number of elements that a slice of an axis takes.
+pub(super) fn slice(size: usize, start: i64, end: i64, step: i64) -> Option<usize> {
+    let size = i64::try_from(size).ok()?;
+    let from_front = |at: i64| if at < 0 { at.saturating_add(size) } else { at };
+    let (start, end) = (from_front(start), from_front(end));
+    let room = match step {
+        0 => return None,
+        _ if size == 0 => 0,
+        1.. => end.clamp(0, size) - start.clamp(0, size),
+        _ => start.clamp(0, size - 1) - end.clamp(-1, size - 1),
+    };
+    usize::try_from(room.max(0))
+        .ok()
+        .map(|room| room.div_ceil(step.unsigned_abs() as usize))
 }
 
 /// Size of an axis after a window has slid over it; `None` if the window does not fit.
@@ -185,80 +143,86 @@ pub(super) struct Window {
 mod tests {
     use super::*;
 
-    fn constant(sizes: &[usize]) -> Value {
-        Value::Constant {
-            sizes: sizes.to_vec(),
-            integers: None,
-        }
-    }
-
     #[track_caller]
-    fn check_broadcast(a: &Value, b: &Value, expected: Option<&[usize]>) {
-        let expected = expected.map(|sizes| Value::Batched(sizes.to_vec()));
-        assert_eq!(broadcast(a, b).ok(), expected);
-        assert_eq!(broadcast(b, a).ok(), expected, "the other way round");
+    fn check_broadcast(a: &[usize], b: &[usize], expected: Option<&[usize]>) {
+        assert_eq!(broadcast(a, b).ok().as_deref(), expected);
+        assert_eq!(broadcast(b, a).ok().as_deref(), expected, "the other way round");
     }
 
     #[test]
-    fn constants_spread_over_images_and_images_never_over_each_other() {
-        let images = Value::Batched(vec![4, 5, 6]);
-        check_broadcast(&images, &constant(&[]), Some(&[4, 5, 6]));
-        check_broadcast(&images, &constant(&[4, 1, 1]), Some(&[4, 5, 6]));
-        check_broadcast(&images, &constant(&[1, 4, 1, 1]), Some(&[4, 5, 6]));
-        check_broadcast(&images, &Value::Batched(vec![4, 1, 6]), Some(&[4, 5, 6]));
-        check_broadcast(&images, &constant(&[2, 4, 1, 1]), None);
-        check_broadcast(&images, &constant(&[3, 1, 1]), None);
-        check_broadcast(&images, &constant(&[1, 1, 4, 1, 1]), None);
-        check_broadcast(&images, &Value::Batched(vec![6]), None);
+    fn sizes_of_one_spread() {
+        check_broadcast(&[1, 4, 5, 6], &[], Some(&[1, 4, 5, 6]));
+        check_broadcast(&[1, 4, 5, 6], &[4, 1, 1], Some(&[1, 4, 5, 6]));
+        check_broadcast(&[1, 4, 1, 6], &[4, 5, 1], Some(&[1, 4, 5, 6]));
+        check_broadcast(&[1, 4, 5, 6], &[3, 1, 1], None);
     }
 
     #[test]
-    fn a_reshape_keeps_the_batch() {
-        let check = |target: &[i64], expected: Option<&[usize]>| {
-            assert_eq!(
-                reshape(&[4, 5, 6], target).ok().as_deref(),
-                expected,
-                "{target:?}"
-            );
+    fn a_reshape_keeps_all_elements() {
+        let check = |target: &[i64], zero_is_a_size, expected: Option<&[usize]>| {
+            let made = reshape(&[1, 4, 5, 6], target, zero_is_a_size).ok();
+            assert_eq!(made.as_deref(), expected, "{target:?} {zero_is_a_size}");
         };
-        check(&[-1, 120], Some(&[120]));
-        check(&[0, 120], Some(&[120]));
-        check(&[0, -1], Some(&[120]));
-        check(&[0, 2, -1], Some(&[2, 60]));
-        check(&[0, 0, -1], Some(&[4, 30]));
-        check(&[0, 0, 0, 0], Some(&[4, 5, 6]));
-        check(&[-1, 60], None);
-        check(&[0, 60], None);
-        check(&[1, 120], None);
-        check(&[-1, -1], None);
-        check(&[0, 7, -1], None);
-        check(&[0, 4, 5, 6, 0], None);
-        check(&[0, -2, -60], None);
-        check(&[], None);
+        check(&[-1, 120], false, Some(&[1, 120]));
+        check(&[0, -1], false, Some(&[1, 120]));
+        check(&[0, 0, -1], false, Some(&[1, 4, 30]));
+        check(&[1, 120], true, Some(&[1, 120]));
+        check(&[120], false, Some(&[120]));
+        check(&[2, -1], false, Some(&[2, 60]));
+        check(&[0, -1], true, None);
+        check(&[-1, -1], false, None);
+        check(&[0, 60], false, None);
+        check(&[0, 7, -1], false, None);
+        check(&[0, 4, 5, 6, 0], false, None);
+        check(&[0, -2, -60], false, None);
+        check(&[], false, None);
     }
 
     #[test]
-    fn a_reduction_keeps_the_batch() {
+    fn a_reduction_names_each_axis_once() {
         let check = |axes: &[i64], kept: Option<&[usize]>, dropped: Option<&[usize]>| {
-            let made = [true, false].map(|keeps| reduce(&[4, 5, 6], axes, keeps).ok());
+            let made = [true, false].map(|keeps| reduce(&[1, 4, 5, 6], axes, keeps).ok());
             assert_eq!(made.each_ref().map(Option::as_deref), [kept, dropped], "{axes:?}");
         };
-        check(&[3], Some(&[4, 5, 1]), Some(&[4, 5]));
-        check(&[2, -1], Some(&[4, 1, 1]), Some(&[4]));
-        check(&[1, 2, 3], Some(&[1, 1, 1]), Some(&[]));
-        for refused in [
-            &[0][..],
-            &[-4],
-            &[],
-            &[4],
-            &[-5],
-            &[2, 2],
-            &[3, -1],
-            &[i64::MIN],
-            &[i64::MAX],
-        ] {
+        check(&[3], Some(&[1, 4, 5, 1]), Some(&[1, 4, 5]));
+        check(&[2, -1], Some(&[1, 4, 1, 1]), Some(&[1, 4]));
+        check(&[1, 2, 3], Some(&[1, 1, 1, 1]), Some(&[1]));
+        for refused in [&[4][..], &[-5], &[2, 2], &[3, -1], &[i64::MIN], &[i64::MAX]] {
             check(refused, None, None);
         }
+    }
+
+    #[test]
+    fn matrices_multiply_by_numpys_rules() {
+        let check = |a: &[usize], b: &[usize], expected: Option<(&[usize], usize)>| {
+            let made = matrix_product(a, b).ok();
+            let made = made.as_ref().map(|(sizes, inner)| (sizes.as_slice(), *inner));
+            assert_eq!(made, expected, "{a:?} {b:?}");
+        };
+        check(&[1, 8], &[8, 3], Some((&[1, 3], 8)));
+        check(&[1, 2, 5, 4], &[1, 2, 4, 5], Some((&[1, 2, 5, 5], 4)));
+        check(&[7, 5, 4], &[4, 3], Some((&[7, 5, 3], 4)));
+        check(&[4], &[4, 3], Some((&[3], 4)));
+        check(&[2, 4], &[4], Some((&[2], 4)));
+        check(&[4], &[4], Some((&[], 4)));
+        check(&[1, 8], &[7, 3], None);
+        check(&[2, 5, 4], &[3, 4, 5], None);
+        check(&[], &[3], None);
+    }
+
+    #[test]
+    fn slices_take_what_numpy_takes() {
+        let check = |[start, end, step]: [i64; 3], expected| {
+            assert_eq!(slice(6, start, end, step), expected, "{start}:{end}:{step}");
+        };
+        check([0, i64::MAX, 1], Some(6));
+        check([1, -1, 1], Some(4));
+        check([0, 6, 4], Some(2));
+        check([-1, i64::MIN, -1], Some(6));
+        check([4, 1, -2], Some(2));
+        check([5, 2, 1], Some(0));
+        check([9, 12, 1], Some(0));
+        check([0, 6, 0], None);
     }
 
     #[test]

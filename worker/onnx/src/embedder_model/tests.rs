@@ -124,8 +124,8 @@ fn it_takes_one_batch_of_grey_images() {
             .push(ValueInfoProto::batch_of_floats("more", "batch", &[1]));
     });
     check_refused("must be one, not 0", |graph| graph.input.clear());
-    check_refused("fixed batch size 1", |graph| {
-        shape(&mut graph.input[0])[0].value = Some(DimValue(1))
+    check_refused("fixed batch size 2", |graph| {
+        shape(&mut graph.input[0])[0].value = Some(DimValue(2))
     });
     for channels in [0, 5] {
         check_refused(&format!("shape [?, {channels}, 12, 8]"), |graph| {
@@ -175,11 +175,13 @@ fn it_makes_one_batch_of_vectors() {
     check_refused("is made by no node", |graph| {
         graph.output[0].name = "elsewhere".to_owned()
     });
-    check_refused("batch x [4, 3, 2]", |graph| graph.output[0].name = "p".to_owned());
+    check_refused("the shape [1, 4, 3, 2] for one image", |graph| {
+        graph.output[0].name = "p".to_owned()
+    });
     check_refused("does not depend on the image", |graph| {
         graph.output[0].name = "w2".to_owned()
     });
-    check_refused("batch x [1025]", |graph| {
+    check_refused("the shape [1, 1025]", |graph| {
         graph
             .initializer
             .push(TensorProto::floats("wide", &[3, 1025], &[0.0; 3 * 1025]));
@@ -203,8 +205,8 @@ fn constants_are_whole_and_in_the_file() {
         constant(graph, "w1").dims[3] = 4
     });
     check_refused("has the size -3", |graph| constant(graph, "w1").dims[3] = -3);
-    check_refused("neither of 32-bit floats", |graph| {
-        constant(graph, "w1").data_type = DataType::Double as i32
+    check_refused("neither floats nor whole numbers", |graph| {
+        constant(graph, "w1").data_type = DataType::Uint8 as i32
     });
     check_refused("does not hold whole numbers", |graph| {
         constant(graph, "w1").raw_data.as_mut().unwrap().pop();
@@ -217,7 +219,7 @@ fn constants_are_whole_and_in_the_file() {
 
 #[test]
 fn only_known_operators_with_fitting_inputs() {
-    check_refused("Loop (e): this operator is not allowed", |graph| {
+    check_refused("Loop (e): this operator is not among those", |graph| {
         node(graph, "e").op_type = "Loop".to_owned()
     });
     check_refused("operators of \"com.example\"", |graph| {
@@ -226,8 +228,11 @@ fn only_known_operators_with_fitting_inputs() {
     check_refused("it cannot have 2 inputs", |graph| {
         node(graph, "e").input.push("d".to_owned())
     });
-    check_refused("one output", |graph| {
+    check_refused("only its first 1 output can be used", |graph| {
         node(graph, "e").output.push("mask".to_owned())
+    });
+    check_refused("its first output must have a name", |graph| {
+        node(graph, "e").output[0].clear()
     });
     check_refused("no earlier node makes \"e\"", |graph| {
         node(graph, "e").input[0] = "e".to_owned()
@@ -235,14 +240,79 @@ fn only_known_operators_with_fitting_inputs() {
     check_refused("the name of another value", |graph| {
         node(graph, "e").output[0] = "f".to_owned()
     });
-    check_refused("casts to type 11", |graph| {
-        append(
-            graph,
-            "Cast",
-            &["embedding"],
-            vec![AttributeProto::integer("to", 11)],
-        );
+    check_refused("casts to type 2", |graph| cast_at_the_end(graph, DataType::Uint8));
+    check_refused("is not of 32-bit floats", |graph| {
+        cast_at_the_end(graph, DataType::Double)
     });
+}
+
+fn cast_at_the_end(graph: &mut GraphProto, to: DataType) {
+    let to = AttributeProto::integer("to", to as i64);
+    append(graph, "Cast", &["embedding"], vec![to]);
+}
+
+/// Whether the small model takes batches after a change of its graph.
+fn takes_batches(change: impl FnOnce(&mut GraphProto)) -> bool {
+    let mut model = small();
+    change(graph(&mut model));
+    EmbedderModel::read(&model.encode_to_vec())
+        .unwrap()
+        .takes_batches()
+}
+
+#[test]
+fn only_nodes_that_keep_images_apart_see_batches() {
+    assert!(takes_batches(|_| ()));
+    assert!(!takes_batches(|graph| {
+        shape(&mut graph.input[0])[0].value = Some(DimValue(1))
+    }));
+    assert!(!takes_batches(|graph| append(
+        graph,
+        "Softmax",
+        &["embedding"],
+        Vec::new()
+    )));
+    // These would normalise over the images of a batch, and spread one image's numbers over the others.
+    let over_images = vec![AttributeProto::integers("axes", &[0])];
+    assert!(!takes_batches(|graph| append(
+        graph,
+        "ReduceMean",
+        &["embedding"],
+        over_images
+    )));
+    assert!(!takes_batches(|graph| {
+        graph.initializer.push(TensorProto::integers("fixed", &[1, 3]));
+        append(graph, "Reshape", &["embedding", "fixed"], Vec::new());
+    }));
+    assert!(takes_batches(|graph| {
+        graph.initializer.push(TensorProto::integers("open", &[-1, 3]));
+        append(graph, "Reshape", &["embedding", "open"], Vec::new());
+    }));
+}
+
+#[test]
+fn shapes_that_a_model_computes_are_followed() {
+    let of_length = |start, end| {
+        vec![
+            AttributeProto::integer("start", start),
+            AttributeProto::integer("end", end),
+        ]
+    };
+    let mut model = small();
+    let graph = graph(&mut model);
+    graph.initializer.push(TensorProto::integers("rest", &[-1]));
+    append(graph, "Shape", &["images"], of_length(0, 1));
+    graph.node.last_mut().unwrap().output[0] = "batch".to_owned();
+    append(
+        graph,
+        "Concat",
+        &["batch", "rest"],
+        vec![AttributeProto::integer("axis", 0)],
+    );
+    graph.node.last_mut().unwrap().output[0] = "target".to_owned();
+    append(graph, "Reshape", &["p", "target"], Vec::new());
+    let read = EmbedderModel::read(&model.encode_to_vec()).unwrap();
+    assert_eq!((read.dimensions(), read.takes_batches()), (24, false));
 }
 
 #[test]
@@ -268,14 +338,14 @@ fn shapes_have_to_fit() {
             .find(|of| of.name == "num_groups");
         groups.unwrap().i = 3;
     });
-    check_refused("Gemm (d): weights of shape [8, 24]", |graph| {
+    check_refused("Gemm (d): matrices of [1, 24] and [8, 24]", |graph| {
         node(graph, "d").attribute.clear()
     });
-    check_refused("Gemm (d): shapes [8] and [3] do not fit", |graph| {
+    check_refused("Gemm (d): shapes [1, 8] and [3] do not fit", |graph| {
         node(graph, "d").input[2] = "b3".to_owned()
     });
-    check_refused("does not keep the batch", |graph| {
-        node(graph, "f").attribute[0].i = 0
+    check_refused("flattens from an axis that is not there", |graph| {
+        node(graph, "f").attribute[0].i = 5
     });
     check_refused("a window", |graph| {
         node(graph, "p").attribute[0].ints = vec![7, 2]
