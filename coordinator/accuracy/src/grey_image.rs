@@ -4,14 +4,8 @@ use murmuration_files::{InputKind, read_bytes};
 use murmuration_onnx::ImageShape;
 use std::{io::Cursor, path::Path};
 
-/// Reads the pixels of a PNG with the shape `images` and 8 bits per pixel; or returns an error message about the file.
+/// Reads the pixels of a grey PNG with 8 bits per pixel, for an embedder of `images`; or returns an error message about the file.
 pub(super) fn pixels(image: &Path, images: ImageShape) -> Result<Vec<u8>, String> {
-    let ImageShape { height, width, .. } = images;
-    if images.channels != 1 {
-        return Err(format!(
-            "a PNG has one channel, but the embedder takes images of {images}: simulate the behaviours again"
-        ));
-    }
     let file = read_bytes(image, InputKind::Picture).map_err(|error| error.to_string())?;
     let mut reader = png::Decoder::new(Cursor::new(file))
         .read_info()
@@ -20,13 +14,17 @@ pub(super) fn pixels(image: &Path, images: ImageShape) -> Result<Vec<u8>, String
     if (info.color_type, info.bit_depth) != (png::ColorType::Grayscale, png::BitDepth::Eight) {
         return Err("it is not a grey PNG with 8 bits a pixel".to_owned());
     }
-    if (info.height as usize, info.width as usize) != (height, width) {
+    let picture = ImageShape {
+        channels: 1,
+        height: info.height as usize,
+        width: info.width as usize,
+    };
+    if images.of_pictures(picture.bytes()) != Some(picture) {
         return Err(format!(
-            "it has {} rows of {} pixels, not {height} of {width}",
-            info.height, info.width
+            "it is a picture of {picture}, and the embedder takes {images}"
         ));
     }
-    let mut pixels = vec![0; images.bytes()];
+    let mut pixels = vec![0; picture.bytes()];
     reader
         .next_frame(&mut pixels)
         .map_err(|error| error.to_string())?;
@@ -59,12 +57,12 @@ mod tests {
         write(png::ColorType::Rgb, 1, 1, &[1, 2, 3]);
         assert_eq!(refused(1, 1), "it is not a grey PNG with 8 bits a pixel");
         write(png::ColorType::Grayscale, 3, 2, &[1, 2, 3, 4, 5, 6]);
-        assert_eq!(refused(3, 2), "it has 2 rows of 3 pixels, not 3 of 2");
+        assert_eq!(
+            refused(3, 2),
+            "it is a picture of 2 x 3, and the embedder takes 3 x 2"
+        );
         assert_eq!(pixels(&path, shape(1, 2, 3)).unwrap(), [1, 2, 3, 4, 5, 6]);
         let several = pixels(&path, shape(2, 2, 3)).unwrap_err();
-        assert!(
-            several.contains("takes images of 2 channels of 2 x 3"),
-            "{several}"
-        );
+        assert!(several.contains("takes 2 channels of 2 x 3"), "{several}");
     }
 }

@@ -101,12 +101,11 @@ impl LabelledSet {
         features.map(|features| Ok(features?.map(f64::abs))).collect()
     }
 
-    /// Reads the image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes
-    /// `images`. The rows of the PNG are axis 0 (x).
+    /// Reads the image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder of `images`. The
+    /// rows of the PNG are axis 0 (x).
     ///
     /// # Errors
-    /// Names the first image that is missing or has another format. An embedder that takes several channels is always an error,
-    /// because a PNG here is grey.
+    /// Names the first image that is missing, has another format, or is not [taken](ImageShape::takes) by the embedder.
     pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
@@ -121,8 +120,7 @@ impl LabelledSet {
     /// Simulates each behaviour again for an embedder that takes `images`; [`LabelledSet::swarms`] explains `starts`.
     ///
     /// # Errors
-    /// If a column is missing, a value is out of range, or the size or channels of the file's pictures differ from those of
-    /// `images`.
+    /// If a column is missing, a value is out of range, or an embedder of `images` does not take the file's pictures.
     pub fn simulated_images(
         &self,
         images: ImageShape,
@@ -158,10 +156,10 @@ impl LabelledSet {
 /// Checks that an embedder of `images` takes pictures in `format`.
 fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid> {
     let pictures = ImageShape::from(format.shape());
-    if pictures == images {
+    if images.takes(pictures) {
         return Ok(());
     }
-    let allowed = format!("that of the embedder's images, {images}");
+    let allowed = format!("at most that of the embedder's images, {images}");
     Err(match pictures.channels == images.channels {
         true => Invalid::new("resolution", format.resolution(), allowed),
         false => Invalid::new("channels", format.channels_name(), allowed),

@@ -92,8 +92,11 @@ pub enum CheckpointError {
         /// The digest of the received bytes.
         found: CheckpointDigest,
     },
-    /// The embedder takes pictures of another size or with other channels than the campaign's pictures.
-    #[error("checkpoint {checkpoint} embeds pictures of {embedded}, the campaign's are of {pictures}")]
+    /// The embedder takes smaller pictures than the campaign's, or pictures with other channels.
+    #[error(
+        "checkpoint {checkpoint} embeds pictures of {embedded}, the campaign's are of {pictures}: a picture may be smaller than \
+         the embedder's, and grey for one of three channels, but not larger"
+    )]
     Pictures {
         checkpoint: CheckpointDigest,
         /// The pictures that the embedder takes.
@@ -267,7 +270,7 @@ impl Checkpoints {
     ) -> Result<EmbedderRef, CheckpointError> {
         let model = EmbedderModel::read(&self.fetch(checkpoint).await?)?;
         let (embedded, pictures) = (model.images(), format.shape());
-        if embedded != pictures.into() {
+        if !embedded.takes(pictures.into()) {
             return Err(CheckpointError::Pictures {
                 checkpoint,
                 embedded,

@@ -22,6 +22,15 @@ pub struct Embedder {
     batch: usize,
     /// The pixels of a batch in the model's input format.
     pixels: Vec<f32>,
+    enlarged: Option<Enlarged>,
+}
+
+/// How the pixels of a picture become those of the model's image, for the last picture that did not have the image's shape.
+#[derive(Debug)]
+struct Enlarged {
+    pictures: ImageShape,
+    /// [`ImageShape::nearest_pixels`] of the model's images.
+    pixels: Vec<usize>,
 }
 
 /// Why images were not embedded.
@@ -30,8 +39,8 @@ pub enum EmbedError {
     /// ONNX Runtime cannot run the model.
     #[error("ONNX Runtime: {0}")]
     Runtime(#[from] ort::Error),
-    /// An image does not have the size that the model takes.
-    #[error("image {index} has {pixels} pixels: this embedder takes {images}")]
+    /// An image has neither the size that the model takes nor a size that can be enlarged to it.
+    #[error("image {index} has {pixels} pixels: this embedder takes {images}, or smaller squares")]
     ImageSize {
         /// Index of the image, from 0.
         index: usize,
@@ -64,11 +73,15 @@ impl Embedder {
     /// Fails if ONNX Runtime refuses the model, for instance because this version lacks an operator.
     pub fn open(runtime: &Runtime, model: EmbedderModel) -> Result<Self, EmbedError> {
         let session = session(runtime, model.encoded())?;
-        let batch = MAX_BATCH_ELEMENTS / model.largest_value().max(1);
+        let batch = match model.takes_batches() {
+            true => MAX_BATCH_ELEMENTS / model.largest_value().max(1),
+            false => 1,
+        };
         Ok(Self {
             session,
             batch: batch.clamp(1, MAX_BATCH),
             pixels: Vec::new(),
+            enlarged: None,
             model,
         })
     }
@@ -81,8 +94,10 @@ impl Embedder {
     /// The embeddings of `images`, in order.
     ///
     /// An image is raw grey values, channel by channel; a pixel of a channel has index `x * width + y` (axis 0 is x), as in an
-    /// evaluation. An embedding has [`EmbedderModel::dimensions`] numbers, all finite. For one kind of CPU and one build of ONNX
-    /// Runtime, the bits of an embedding do not depend on the other images or on their number.
+    /// evaluation. An image is a square picture that the model [takes](ImageShape::takes), or has the shape of the model's images.
+    /// A smaller picture is enlarged: each pixel becomes that of the nearest pixel. An embedding has
+    /// [`EmbedderModel::dimensions`] numbers, all finite. For one kind of CPU and one build of ONNX Runtime, the bits of an
+    /// embedding do not depend on the other images or on their number.
     ///
     /// # Errors
     /// Fails if an image has the wrong size, or if an embedding has the wrong shape or is not finite. If any check fails, no
@@ -92,7 +107,7 @@ impl Embedder {
         if let Some((index, image)) = images
             .iter()
             .enumerate()
-            .find(|(_, image)| image.len() != shape.bytes())
+            .find(|(_, image)| shape.of_pictures(image.len()).is_none())
         {
             return Err(EmbedError::ImageSize {
                 index,
@@ -108,14 +123,16 @@ impl Embedder {
     }
 
     fn embed_batch(&mut self, images: &[&[u8]], embeddings: &mut Vec<Vec<f32>>) -> Result<(), EmbedError> {
+        self.pixels.clear();
+        for image in images {
+            self.add_pixels(image);
+        }
         let Self {
             session,
             model,
             pixels,
             ..
         } = self;
-        pixels.clear();
-        pixels.extend(images.iter().copied().flatten().map(|&pixel| f32::from(pixel)));
         let ImageShape {
             channels,
             height,
@@ -142,6 +159,28 @@ impl Embedder {
         }
         embeddings.extend(values.chunks_exact(dimensions).map(<[f32]>::to_vec));
         Ok(())
+    }
+
+    /// Adds an image of the model for `picture`.
+    fn add_pixels(&mut self, picture: &[u8]) {
+        let images = self.model.images();
+        let Some(pictures) = images
+            .of_pictures(picture.len())
+            .filter(|&pictures| pictures != images)
+        else {
+            self.pixels.extend(picture.iter().map(|&pixel| f32::from(pixel)));
+            return;
+        };
+        let enlarged = self
+            .enlarged
+            .take()
+            .filter(|enlarged| enlarged.pictures == pictures);
+        let enlarged = self.enlarged.insert(enlarged.unwrap_or_else(|| Enlarged {
+            pictures,
+            pixels: images.nearest_pixels(pictures),
+        }));
+        let pixels = enlarged.pixels.iter();
+        self.pixels.extend(pixels.map(|&at| f32::from(picture[at])));
     }
 }
 

@@ -1,11 +1,11 @@
 //! Tests of embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
 
 use super::*;
-use murmuration_onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto};
+use murmuration_onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto, with_weights};
 use murmuration_swarm::CheckpointDigest;
 use proptest::prelude::*;
 use prost::Message as _;
-use std::{fs, path::Path, sync::Arc, thread, time::Duration};
+use std::{collections::HashMap, fs, path::Path, sync::Arc, thread, time::Duration};
 use tempfile::TempDir;
 
 const SMALL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
@@ -73,8 +73,19 @@ fn images_of_another_size_are_refused() {
     let error = embedder().embed(&[&image(0), &[0; 95]]).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "image 1 has 95 pixels: this embedder takes 12 x 8"
+        "image 1 has 95 pixels: this embedder takes 12 x 8, or smaller squares"
     );
+}
+
+#[test]
+fn a_smaller_picture_is_embedded_as_its_enlargement() {
+    let mut embedder = embedder();
+    let picture: Vec<u8> = (0..16).map(|pixel| pixel * 16).collect();
+    // Four pixels along each axis become twelve rows and eight columns.
+    let enlarged: Vec<u8> = (0..96).map(|at| picture[at / 8 / 3 * 4 + at % 8 / 2]).collect();
+    let embeddings = embedder.embed(&[&picture, &enlarged, &image(0)]).unwrap();
+    assert_eq!(embeddings[0], embeddings[1]);
+    assert_ne!(embeddings[0], embeddings[2]);
 }
 
 #[test]
@@ -344,4 +355,50 @@ fn a_checkpoint_that_is_no_embedder_is_refused() {
         .get(CheckpointDigest::of(bytes), |_| Ok::<_, String>(bytes.to_vec()))
         .unwrap_err();
     assert!(matches!(error, OpenError::Model { .. }), "{error}");
+}
+
+/// Networks as PyTorch's exporters write them (`tests/models/torch_exports.py`), with the number of pixels of their images, and
+/// whether they take batches.
+const TORCH: [(&str, usize, bool); 4] = [
+    ("view", 50 * 50, false),
+    ("channels-last", 50 * 50, false),
+    ("attention", 50 * 50, false),
+    ("colour", 3 * 84 * 84, false),
+];
+
+#[test]
+fn networks_of_pytorch_embed_as_in_pytorch() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/models");
+    let expected = fs::read_to_string(folder.join("torch_exports.json")).unwrap();
+    let expected: HashMap<String, Vec<Vec<f32>>> = serde_json::from_str(&expected).unwrap();
+    assert_eq!(expected.len(), TORCH.len());
+    for (name, bytes, takes_batches) in TORCH {
+        let file = fs::read(folder.join(format!("{name}.onnx"))).unwrap();
+        let beside = |name: &str| fs::read(folder.join(name)).map_err(|error| error.to_string());
+        let model = EmbedderModel::read(&with_weights(&file, beside).unwrap()).unwrap();
+        assert_eq!(
+            (model.images().bytes(), model.takes_batches()),
+            (bytes, takes_batches),
+            "{name}"
+        );
+        let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
+        let picture = |p: usize| (0..bytes).map(|i| ((7 * i * i + 31 * p) % 256) as u8).collect();
+        let pictures: Vec<Vec<u8>> = (0..3).map(picture).collect();
+        let embeddings = embedder.embed(&slices(&pictures)).unwrap();
+        for (value, expected) in embeddings.concat().iter().zip(expected[name].concat()) {
+            // Half precision has 11 bits.
+            let tolerance = if name == "colour" { 2e-3 } else { 1e-5 };
+            assert!((value - expected).abs() < tolerance, "{name}: {value} {expected}");
+        }
+        assert_eq!(embeddings.concat().len(), expected[name].concat().len(), "{name}");
+    }
+}
+
+#[test]
+fn a_grey_picture_embeds_as_three_equal_channels() {
+    let file = include_bytes!("../../../tests/models/colour.onnx");
+    let mut embedder = Embedder::open(&Runtime::load().unwrap(), EmbedderModel::read(file).unwrap()).unwrap();
+    let grey: Vec<u8> = (0..50 * 50).map(|pixel| (pixel * pixel % 251) as u8).collect();
+    let embeddings = embedder.embed(&[&grey, &grey.repeat(3)]).unwrap();
+    assert_eq!(embeddings[0], embeddings[1]);
 }

@@ -10,6 +10,7 @@ mod operators;
 mod shape;
 mod tensor;
 mod value;
+mod weights;
 
 pub use embedder_model::{EmbedderModel, ModelError};
 pub use image_shape::ImageShape;
@@ -17,6 +18,7 @@ pub use limits::{
     EMBEDDING_DIMENSIONS, IMAGE_SIDES, MAX_ELEMENTS, MAX_MODEL_BYTES, MAX_NODES, MAX_PRODUCTS,
     MAX_VALUE_ELEMENTS,
 };
+pub use weights::with_weights;
 
 /// The generated messages of the package `onnx`.
 #[allow(missing_docs, clippy::all)]

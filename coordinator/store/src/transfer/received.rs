@@ -206,7 +206,7 @@ impl ReceivedCampaign {
                 .map_err(|error| Invalid::new("embedders.model", error, "an embedder in the format ONNX"))?;
             if embedder.checkpoint() == Some(record.digest) {
                 let (embedded, pictures) = (model.images(), self.campaign.record.spec.image().shape());
-                if embedded != pictures.into() {
+                if !embedded.takes(pictures.into()) {
                     let allowed = format!("an embedder of pictures of {pictures}");
                     return Err(
                         Invalid::new("embedders.model", format!("one of {embedded}"), allowed).into(),
