@@ -9,13 +9,17 @@ use super::{
     validation::{Validated as _, validated},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_files::InputKind;
-use murmuration_link::{OutputError, outln, print};
-use murmuration_onnx::MAX_MODEL_BYTES;
+use murmuration_embed::{EmbedError, Embedder, Runtime};
+use murmuration_files::{InputKind, read_bytes};
+use murmuration_link::{OutputError, errln, outln, print};
+use murmuration_onnx::{EmbedderModel, MAX_MODEL_BYTES, with_weights};
 use murmuration_proto::{parts::whole, v1};
 use murmuration_store::DataDirectory;
 use murmuration_swarm::{CheckpointDigest, Lineage, counted, grouped};
-use std::path::{Path, PathBuf};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
 
 #[derive(Debug, clap::Subcommand)]
 pub enum CheckpointsCommand {
@@ -36,6 +40,10 @@ pub enum CheckpointsCommand {
         overwrite: Overwrite,
     },
     /// Store an ONNX file as a checkpoint
+    ///
+    /// The model takes a batch of pictures of 1 to 4 channels, as floats from 0 to 255, and makes a vector for each. Smaller
+    /// pictures of a campaign are enlarged to the model's, and grey pictures repeated for a model of three channels. Weights may
+    /// be in files beside FILE, as PyTorch's exporter writes them (NAME.onnx.data).
     Import {
         /// File to read
         file: PathBuf,
@@ -150,14 +158,41 @@ pub async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec
 
 async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {
     let bytes = read(file, InputKind::Checkpoint)?;
+    let beside = |name: &str| {
+        let path = file.with_file_name(name);
+        let weights = read_bytes(&path, InputKind::Checkpoint);
+        weights.map_err(|error| format!("is in {}: {error}", path.display()))
+    };
+    let refused = |error: &dyn fmt::Display| CliError::Input(format!("{}: {error}", file.display()));
+    let bytes = with_weights(&bytes, beside).map_err(|error| refused(&error))?;
+    let model = EmbedderModel::read(&bytes).map_err(|error| refused(&error))?;
+    let takes = format!(
+        "embeds pictures of {} as {} numbers",
+        model.images(),
+        model.dimensions()
+    );
+    match Runtime::load() {
+        Ok(runtime) => try_out(&runtime, model).map_err(|error| refused(&error))?,
+        Err(_) => errln!("ONNX Runtime is not installed here, so the embedder was not tried out"),
+    }
     let parts = Lineage::default().publish_requests(&bytes);
     let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
     let checkpoint = validated(checkpoint)?;
     if as_json {
         json::print(json::Document(&checkpoint))?;
     } else {
+        errln!("{} {takes}", file.display());
         outln!("{}", checkpoint.digest)?;
     }
+    Ok(())
+}
+
+/// Embeds a black, a white and a striped picture, to find what cannot run or makes infinite numbers before a campaign does.
+fn try_out(runtime: &Runtime, model: EmbedderModel) -> Result<(), EmbedError> {
+    let pixels = model.images().bytes();
+    let striped: Vec<u8> = (0..pixels).map(|pixel| (pixel % 7 * 42) as u8).collect();
+    let pictures = [vec![0; pixels], vec![255; pixels], striped];
+    Embedder::open(runtime, model)?.embed(&pictures.each_ref().map(Vec::as_slice))?;
     Ok(())
 }
 
