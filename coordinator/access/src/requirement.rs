@@ -19,7 +19,7 @@ pub enum Role {
     Viewer,
     /// Also label behaviours and change classes
     Annotator,
-    /// Also submit, pause, cancel and refine campaigns, and publish checkpoints
+    /// Also submit, pause, cancel, extend and refine campaigns, and publish checkpoints
     Operator,
 }
 

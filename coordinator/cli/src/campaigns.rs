@@ -64,6 +64,21 @@ pub struct Refine {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The archive becomes that of a campaign that asked for so many generations from the start, with the same digest. The campaign gets \
+a new taxonomy; the former one stays in its history. A campaign that has learned from feedback searches on with `refine`.
+
+Example:
+  murmuration extend latest --generations 200")]
+pub struct Extend {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// New number of generations, more than the campaign has
+    #[arg(long, value_name = "N")]
+    generations: u32,
+}
+
+#[derive(Debug, clap::Args)]
 pub struct Show {
     /// Campaign id, or `latest`
     campaign: String,
@@ -149,6 +164,20 @@ impl Refine {
             refine,
         )
         .await
+    }
+}
+
+impl Extend {
+    /// Continues the search of a completed campaign. If this process runs the coordinator, it continues the campaign to its end.
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let extend = async |connection: &mut Connection| {
+            let request = v1::ExtendCampaignRequest {
+                campaign: self.campaign,
+                generations: self.generations,
+            };
+            validated(connection.client.extend_campaign(request).await?)
+        };
+        go_on(global, InProcessArgs::default().count(), "searches on", extend).await
     }
 }
 

@@ -185,6 +185,8 @@ pub enum CampaignCommand {
     Run(run::Run),
     /// Continue a paused, interrupted or failed campaign
     Resume(run::Resume),
+    /// Search on after the last generation of a campaign
+    Extend(campaigns::Extend),
     /// Submit a campaign to a running coordinator
     Submit(campaigns::Submit),
     /// Follow a campaign until it stops
@@ -214,6 +216,7 @@ impl CampaignCommand {
         match self {
             Self::Run(run) => Box::pin(run.execute(global)),
             Self::Resume(resume) => Box::pin(resume.execute(global)),
+            Self::Extend(extend) => Box::pin(extend.execute(global)),
             Self::Submit(submit) => Box::pin(submit.execute(global)),
             Self::Watch(name) => Box::pin(async move { campaigns::watch(global, &name.campaign).await }),
             Self::List(list) => Box::pin(list.execute(global)),

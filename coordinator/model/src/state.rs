@@ -29,6 +29,8 @@ pub enum Change {
     Adopt,
     /// Learn from labels, and go on.
     Refine,
+    /// Search on after the last generation.
+    Extend,
 }
 
 /// A change that a campaign's state does not allow.
@@ -49,6 +51,7 @@ impl Change {
             Self::Cancel => "cancel",
             Self::Adopt => "move",
             Self::Refine => "refine",
+            Self::Extend => "extend",
         }
     }
 }
@@ -94,10 +97,12 @@ impl CampaignState {
             (
                 Self::Running | Self::Paused | Self::Failed | Self::Completed,
                 Change::Adopt | Change::Refine,
-            ) => Some(Self::Running),
+            )
+            | (Self::Completed, Change::Extend) => Some(Self::Running),
             (Self::Paused | Self::Failed | Self::Completed | Self::Cancelled, Change::Pause)
             | (Self::Completed | Self::Cancelled, Change::Resume | Change::Cancel)
-            | (Self::Cancelled, Change::Adopt | Change::Refine) => None,
+            | (Self::Cancelled, Change::Adopt | Change::Refine)
+            | (Self::Running | Self::Paused | Self::Failed | Self::Cancelled, Change::Extend) => None,
         }
     }
 }

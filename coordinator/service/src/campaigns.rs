@@ -236,6 +236,15 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         Ok(Response::new(refined.into()))
     }
 
+    async fn extend_campaign(&self, request: Request<v1::ExtendCampaignRequest>) -> Answer<v1::Campaign> {
+        let v1::ExtendCampaignRequest {
+            campaign,
+            generations,
+        } = request.into_inner();
+        let extended = self.campaigns.extend(&campaign, generations).await.or_status()?;
+        Ok(Response::new(extended.into()))
+    }
+
     type ListGenerationsStream = Streamed<v1::ListGenerationsResponse>;
 
     async fn list_generations(

@@ -93,6 +93,9 @@ impl IntoStatus for CampaignError {
             CampaignError::Label(error) => error.into_status(),
             CampaignError::NotAllowed(_)
             | CampaignError::NotDeleted(_)
+            | CampaignError::NotExtended { .. }
+            | CampaignError::AfterFeedback(_)
+            | CampaignError::OfStudy { .. }
             | CampaignError::NoEmbedding { .. }
             | CampaignError::OtherSimulator { .. }
             | CampaignError::NoEmbedder(_)

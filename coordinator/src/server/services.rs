@@ -38,6 +38,7 @@ const CAMPAIGNS: MethodRequirements = &[
     ("DeleteCampaign", OPERATOR, Decision),
     ("AdoptCheckpoint", OPERATOR, Decision),
     ("RefineCampaign", OPERATOR, Decision),
+    ("ExtendCampaign", OPERATOR, Decision),
     ("ListGenerations", VIEWER, Reading),
     ("GetArchive", VIEWER, Reading),
     ("GetDigest", VIEWER, Reading),

@@ -13,7 +13,7 @@ use super::{
     rounds,
 };
 use murmuration_model::{CampaignId, CampaignState, Change, NotAllowed, RunId};
-use murmuration_swarm::CheckpointDigest;
+use murmuration_swarm::{CampaignSpec, CheckpointDigest, Invalid};
 use rusqlite::{Transaction, params};
 
 /// A person's decision about a campaign.
@@ -28,6 +28,8 @@ pub enum Decision {
     Adopt(CheckpointDigest),
     /// The campaign learns from its label log up to this label cutoff, and goes on.
     Refine(u64),
+    /// The campaign's search has this number of generations, more than before, and goes on.
+    Extend(u32),
 }
 
 /// Why a decision was not made.
@@ -39,6 +41,9 @@ pub enum DecisionError {
     /// The campaign's state does not allow the decision.
     #[error(transparent)]
     NotAllowed(#[from] NotAllowed),
+    /// The campaign cannot have that number of generations.
+    #[error(transparent)]
+    Generations(#[from] Invalid),
 }
 
 impl Decision {
@@ -50,6 +55,7 @@ impl Decision {
             Self::Cancel => Change::Cancel,
             Self::Adopt(_) => Change::Adopt,
             Self::Refine(_) => Change::Refine,
+            Self::Extend(_) => Change::Extend,
         }
     }
 }
@@ -69,15 +75,16 @@ impl Store {
     /// could not record its failure.
     ///
     /// # Errors
-    /// [`DecisionError::NotAllowed`] if the campaign's state does not allow the decision; [`StoreError::NoCheckpoint`] if the
-    /// checkpoint is not stored. Nothing has changed then.
+    /// [`DecisionError::NotAllowed`] if the campaign's state does not allow the decision; [`DecisionError::Generations`] if an
+    /// extension has no more generations than the campaign, or too many; [`StoreError::NoCheckpoint`] if the checkpoint is not
+    /// stored. Nothing has changed then.
     pub fn decide(
         &self,
         campaign: &CampaignId,
         decision: Decision,
         has_failed: bool,
     ) -> Result<(), DecisionError> {
-        let allowed = self.write(|transaction| {
+        self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             let state = match state(transaction, number)? {
                 CampaignState::Running if has_failed => CampaignState::Failed,
@@ -86,8 +93,17 @@ impl Store {
             let change = decision.change();
             let Some(after) = state.after(change) else {
                 let id = campaign.clone();
-                return Ok(Err(NotAllowed { id, change, state }));
+                return Ok(Err(NotAllowed { id, change, state }.into()));
             };
+            if let Decision::Extend(generations) = decision {
+                match extended(transaction, number, generations)? {
+                    Ok(spec) => transaction.execute(
+                        "UPDATE campaigns SET spec = ?2 WHERE number = ?1",
+                        params![number, spec.to_toml()],
+                    )?,
+                    Err(refused) => return Ok(Err(DecisionError::Generations(refused))),
+                };
+            }
             transaction.execute(
                 "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1,
                     ended_ms = CASE WHEN ?3 IS NULL THEN NULL ELSE coalesce(ended_ms, ?3) END
@@ -97,11 +113,10 @@ impl Store {
             match decision {
                 Decision::Adopt(checkpoint) => begin_move(transaction, number, checkpoint)?,
                 Decision::Refine(cutoff) => rounds::begin(transaction, number, cutoff)?,
-                Decision::Pause | Decision::Resume | Decision::Cancel => {}
+                Decision::Pause | Decision::Resume | Decision::Cancel | Decision::Extend(_) => {}
             }
             Ok(Ok(()))
-        })?;
-        Ok(allowed?)
+        })?
     }
 
     /// Sets a completed campaign running again, so that its results are checked; returns false if the campaign was not completed.
@@ -139,6 +154,25 @@ impl Store {
             _ => Ok(()),
         }
     }
+}
+
+/// The specification of a campaign with more generations.
+fn extended(
+    transaction: &Transaction<'_>,
+    number: i64,
+    generations: u32,
+) -> Result<Result<CampaignSpec, Invalid>, StoreError> {
+    let spec: String =
+        transaction.query_row("SELECT spec FROM campaigns WHERE number = ?1", [number], |row| {
+            row.get(0)
+        })?;
+    let spec = CampaignSpec::from_toml(&spec).map_err(|error| StoreError::damaged(error.to_string()))?;
+    let before = spec.search().generations();
+    if generations <= before {
+        let allowed = format!("the new total, more than the {before} that the campaign has");
+        return Ok(Err(Invalid::new("generations", generations, allowed)));
+    }
+    Ok(spec.with_generations(generations))
 }
 
 pub(super) fn state(transaction: &Transaction<'_>, number: i64) -> Result<CampaignState, StoreError> {

@@ -116,6 +116,9 @@ impl PageError {
             Self::Campaign(
                 CampaignError::NotAllowed(_)
                 | CampaignError::NotDeleted(_)
+                | CampaignError::NotExtended { .. }
+                | CampaignError::AfterFeedback(_)
+                | CampaignError::OfStudy { .. }
                 | CampaignError::NoEmbedding { .. }
                 | CampaignError::NoEmbedder(_)
                 | CampaignError::TooFewClasses { .. },

@@ -3,7 +3,7 @@
 use super::{
     Web,
     archived::{self, Created},
-    asked::Query,
+    asked::{Form, Query},
     delete, history,
     layout::{Part, campaign_page},
     machines,
@@ -205,8 +205,35 @@ fn figures(status: &CampaignStatus) -> Markup {
             }
             (delete::button(&status.record))
         }
+        (extension(&status.record))
         // The figures come last, because their list becomes shorter when the campaign ends.
         (facts(status))
+    }
+}
+
+/// The form that continues the search of a completed campaign.
+fn extension(record: &CampaignRecord) -> Markup {
+    let generations = record.spec.search().generations();
+    let can_go_on = record.state.after(Change::Extend).is_some()
+        && record.study.is_none()
+        && record.rounds.done == 0
+        && record
+            .spec
+            .with_generations(generations.saturating_add(1))
+            .is_ok();
+    html! {
+        @if can_go_on {
+            form.extend method="post" action={ "/campaigns/" (record.id) "/extend" } {
+                label for="generations" { "Search on to " }
+                input #generations name="generations" type="number" required min=(generations + 1)
+                    value=(generations.saturating_mul(2)) aria-describedby="extended";
+                " generations "
+                button #extend { "Extend" }
+                p #extended {
+                    "The archive becomes that of a campaign that asked for so many from the start. The taxonomy stays in the history."
+                }
+            }
+        }
     }
 }
 
@@ -340,6 +367,21 @@ pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Re
 pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let refined = web.campaigns.refine(&id).await?;
     Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
+}
+
+/// The form of [`extend`].
+#[derive(Debug, serde::Deserialize)]
+pub(super) struct Extension {
+    generations: u32,
+}
+
+pub(super) async fn extend(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Form(extension): Form<Extension>,
+) -> Result<Redirect, PageError> {
+    let extended = web.campaigns.extend(&id, extension.generations).await?;
+    Ok(page_of(extended.record.id.as_str()))
 }
 
 pub(super) fn page_of(campaign: &str) -> Redirect {

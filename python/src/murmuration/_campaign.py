@@ -496,6 +496,21 @@ class Campaign:
         """
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
 
+    def extend(self, generations: int) -> None:
+        """Continues the search of this completed campaign to `generations` generations, and makes a new taxonomy.
+
+        The archive becomes that of a campaign that asked for so many generations from the start. Call `wait` to follow the search.
+
+        Args:
+            generations: The new number of generations, more than the campaign has.
+
+        Raises:
+            RefusedError: If the campaign is not completed, belongs to a study, has learned from feedback, or cannot have so many
+                generations.
+        """
+        request = v1.ExtendCampaignRequest(campaign=self.id, generations=whole("generations", generations, 1, 2**32 - 1))
+        self._client.rpc.call("CampaignService/ExtendCampaign", request, v1.Campaign)
+
     def _description(self) -> str:
         """The text of the campaign's file, with every default filled in."""
         return self.status().toml

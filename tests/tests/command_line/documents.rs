@@ -98,6 +98,7 @@ pub fn of_the_page_on_clusters() {
 pub fn of_the_page_on_commands() {
     Script::of("docs/commands.md")
         .replace("latest CHECKPOINT", "latest $OTHER")
+        .replace("--generations 200", "--generations 6")
         .rule("murmuration run examples/two-sensor-latent.toml", NotRun(LONG))
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule(

@@ -15,7 +15,8 @@ const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
 /// Rules for examples, by the beginning of the example.
-const RULES: [(&str, Rule); 22] = [
+const RULES: [(&str, Rule); 23] = [
+    ("murmuration extend latest", NotRun(TRANSCRIBED)),
     (
         "murmuration run examples/quick.toml",
         NotRun("the README has it too"),

@@ -1,9 +1,10 @@
 //! Tests campaigns over gRPC: the same specification gives the same digest on every cluster.
 
 use murmuration_proto::{parts::whole, v1};
+use murmuration_store::{DataDirectory, Store};
 use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, http, small_spec};
-use tonic::Code;
+use tonic::{Code, Status};
 
 async fn digest_with(spec: &CampaignSpec, workers: usize) -> String {
     let folder = tempfile::tempdir().unwrap();
@@ -250,5 +251,87 @@ async fn the_archive_the_taxonomy_and_the_replays_fit_together() {
     let replay = cluster.client.get_replay(request).await.unwrap();
     let replay = whole(replay.into_inner()).await.unwrap();
     assert_eq!((replay.steps, replay.agents), (vec![0, 50, 100, 150, 200], 24));
+    cluster.stop().await;
+}
+
+async fn extend(cluster: &mut Cluster, campaign: &str, generations: u32) -> Result<v1::Campaign, Status> {
+    let request = v1::ExtendCampaignRequest {
+        campaign: campaign.to_owned(),
+        generations,
+    };
+    Ok(cluster.client.extend_campaign(request).await?.into_inner())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_extended_campaign_is_one_that_asked_for_more_from_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let plain = small_spec("filter = true").to_toml();
+    let methods = [
+        ("novelty", plain.clone()),
+        ("lag", plain.replace("[search]", "[search]\nlag = 1")),
+        ("random", plain.replace("\"hand-crafted\"", "\"random\"")),
+        ("exhaustive", "model = \"single-sensor\"\nmethod = \"exhaustive\"\n[world]\nhorizon = 30\n[controllers]\nstep = 0.5\n\
+            [search]\npopulation = 13\ngenerations = 5\n[taxonomy]\nmedoids = 3".to_owned()),
+    ];
+    let mut extended = Vec::new();
+    for (method, text) in methods {
+        let short = CampaignSpec::from_toml(&text).unwrap();
+        let long = short.with_generations(9).unwrap();
+        let id = cluster.create(&short).await;
+        cluster.finish(&id).await;
+        let former = cluster.digest(&id).await;
+        let refused = extend(&mut cluster, &id, 5).await.unwrap_err();
+        assert!(
+            refused.message().contains("more than the 5"),
+            "{}",
+            refused.message()
+        );
+        extend(&mut cluster, &id, 9).await.unwrap();
+        let last = cluster.finish(&id).await;
+        assert_eq!(
+            (last.state(), last.generations_done),
+            (v1::CampaignState::Completed, 9),
+            "{method}"
+        );
+        let from_the_start = cluster.run(&long).await;
+        assert_eq!(cluster.digest(&id).await, from_the_start, "{method}");
+        assert_ne!(former, from_the_start, "{method}");
+        extended.push(id);
+    }
+    cluster.stop().await;
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    for id in extended {
+        let versions = store.taxonomy_versions(&id.parse().unwrap()).unwrap();
+        let generations: Vec<_> = versions
+            .iter()
+            .map(|version| (version.generations, version.stands))
+            .collect();
+        assert_eq!(generations, [(5, false), (9, true)], "{id}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_a_completed_campaign_is_extended_and_only_within_its_limits() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let id = cluster.create(&longer()).await;
+    let refused = extend(&mut cluster, &id, 500).await.unwrap_err();
+    assert_eq!(refused.code(), Code::FailedPrecondition);
+    assert!(
+        refused.message().contains("it is running"),
+        "{}",
+        refused.message()
+    );
+    let done = cluster.create(&small_spec("")).await;
+    cluster.finish(&done).await;
+    let digest = cluster.digest(&done).await;
+    let refused = extend(&mut cluster, &done, 100_001).await.unwrap_err();
+    assert!(
+        refused.message().contains("100,000") || refused.message().contains("100000"),
+        "{}",
+        refused.message()
+    );
+    assert_eq!(cluster.digest(&done).await, digest, "nothing has changed");
     cluster.stop().await;
 }

@@ -256,6 +256,16 @@ impl CampaignSpec {
         }
         message.try_into()
     }
+
+    /// A copy with another number of generations of the search, without those of rounds of feedback.
+    ///
+    /// # Errors
+    /// If a campaign cannot have so many generations, or has all controllers of its method already.
+    pub fn with_generations(&self, generations: u32) -> Result<Self, Invalid> {
+        let mut message = v1::CampaignSpec::from(self);
+        message.search.get_or_insert_default().generations = Some(generations);
+        message.try_into()
+    }
 }
 
 impl TryFrom<v1::CampaignSpec> for CampaignSpec {

@@ -38,7 +38,7 @@ pub const KINDS: [Kind; 28] = [
     Kind::of::<Document<'_, v1::Individual>>("individual", "An individual of an archive: show --index"),
     Kind::of::<Simulated>("simulated", "A controller and its behaviour: simulate"),
     Kind::of::<Taxonomy<'_>>("taxonomy", "The clusters of a campaign: show --taxonomy"),
-    Kind::of::<Run>("run", "The end of a campaign: run, resume, adopt, refine"),
+    Kind::of::<Run>("run", "The end of a campaign: run, resume, adopt, refine, extend"),
     Kind::of::<Digest<'_>>("digest", "The digest of an archive: digest"),
     Kind::of::<Report>("report", "Where a report was written: report"),
     Kind::of::<Export>("export", "What was exported: export"),

@@ -41,10 +41,17 @@ impl Campaigns {
     /// If there is no such campaign, or its state does not allow it to be cancelled.
     pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        let cancelled = self.decide(record.id.clone(), Decision::Cancel).await?;
-        let submitter = Submitter::Campaign(record.id);
-        self.context.dispatch.withdraw_audits(submitter).await;
-        Ok(cancelled)
+        let cancelled = self.decide(record.id.clone(), Decision::Cancel).await;
+        let is_stored = match &cancelled {
+            Ok(_) => true,
+            Err(CampaignError::Store(error)) => error.is_stored(),
+            Err(_) => false,
+        };
+        if is_stored {
+            let submitter = Submitter::Campaign(record.id);
+            self.context.dispatch.withdraw_audits(submitter).await;
+        }
+        cancelled
     }
 
     /// Moves a campaign to a stored checkpoint, with which it continues; the decision is on disk when this returns.
@@ -80,6 +87,29 @@ impl Campaigns {
             .await?;
         check_classes(&record.id, &labels)?;
         self.decide(record.id, Decision::Refine(labels.entries())).await
+    }
+
+    /// Gives the search of a completed campaign `generations` generations, more than before, and continues it; the decision is on
+    /// disk when this returns. The campaign's taxonomy stays as a former version.
+    ///
+    /// The archive becomes that of a campaign that asked for so many generations from the start.
+    ///
+    /// # Errors
+    /// If there is no such campaign, it is not completed, belongs to a study, has learned from feedback, cannot have so many
+    /// generations, or was begun by another version of the simulator.
+    pub async fn extend(&self, id: &str, generations: u32) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        if let Some(study) = record.study {
+            let id = record.id;
+            return Err(CampaignError::OfStudy { id, study });
+        }
+        if record.rounds.done > 0 {
+            return Err(CampaignError::AfterFeedback(record.id));
+        }
+        if record.state.after(Change::Extend).is_some() {
+            check_simulator(&record)?;
+        }
+        self.decide(record.id, Decision::Extend(generations)).await
     }
 
     /// Reports what a deletion of the campaign would delete.
@@ -158,14 +188,16 @@ impl Campaigns {
         let run = self.registry.snapshot(&deciding.id);
         let has_failed = run.progress.failed.is_some();
         if decision == Decision::Resume && run.active && !has_failed {
-            return Ok(());
+            // The first request may have been refused only because the mirror did not have its decision.
+            return Ok(self.context.store.reach_mirror().await?);
         }
         let id = deciding.id.clone();
         let decide = move |store: &Store| store.decide(&id, decision, has_failed);
         // A stored decision is carried out even if the mirror lacks it.
         let unmirrored = match self.context.store.run(decide).await {
             Err(DecisionError::Store(error)) if error.is_stored() => Some(error),
-            decided => decided.map(|()| None)?,
+            Err(error) => return Err(CampaignError::undecided(deciding.id.clone(), error)),
+            Ok(()) => None,
         };
         tracing::info!(campaign = %deciding.id, change = decision.change().name(), "decided");
         self.registry.stop(deciding);

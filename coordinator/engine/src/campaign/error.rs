@@ -6,7 +6,7 @@ use murmuration_model::{CampaignId, NotAllowed};
 use murmuration_proto::SIMULATOR_VERSION;
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
 use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
-use murmuration_swarm::{BehaviourSpace, CheckpointDigest, counted};
+use murmuration_swarm::{BehaviourSpace, CampaignName, CheckpointDigest, Invalid, counted};
 
 /// Why a campaign stopped, or a request about it failed.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +17,19 @@ pub enum CampaignError {
     NotAllowed(#[from] NotAllowed),
     #[error(transparent)]
     NotDeleted(DeletionError),
+    #[error("campaign {id} cannot be extended: {reason}")]
+    NotExtended { id: CampaignId, reason: Invalid },
+    #[error(
+        "campaign {0} has learned from feedback, so no campaign that asks for more generations from the start would have its \
+         archive: `murmuration refine {0}` searches on, by what it has learned"
+    )]
+    AfterFeedback(CampaignId),
+    #[error(
+        "campaign {id} belongs to study {}, whose campaigns are compared after equally many generations: give the study more \
+         generations, or submit the campaign by itself",
+        .study.as_str()
+    )]
+    OfStudy { id: CampaignId, study: CampaignName },
     #[error(transparent)]
     Job(#[from] JobError),
     #[error(transparent)]
@@ -113,11 +126,13 @@ impl From<AnnotatorError> for CampaignError {
     }
 }
 
-impl From<DecisionError> for CampaignError {
-    fn from(error: DecisionError) -> Self {
+impl CampaignError {
+    /// Why a decision about campaign `id` was not made.
+    pub(super) fn undecided(id: CampaignId, error: DecisionError) -> Self {
         match error {
             DecisionError::Store(error) => Self::Store(error),
             DecisionError::NotAllowed(error) => Self::NotAllowed(error),
+            DecisionError::Generations(reason) => Self::NotExtended { id, reason },
         }
     }
 }
