@@ -164,6 +164,15 @@ impl Drop for ClosedOnDrop {
 
 /// Opens the database and the checkpoints of `options`. From then on, changes and checkpoints go to the mirror too, if `options` name one.
 async fn open_data(options: Options) -> Result<(Options, ClosedOnDrop, Checkpoints), ServerError> {
+    // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space. What can be
+    // refused is refused before the mirror is claimed, which ends the coordinator that has it.
+    if let Some(location) = options
+        .checkpoints
+        .as_deref()
+        .filter(|_| options.tries_checkpoints)
+    {
+        Checkpoints::try_out(options.data.path(), location).await?;
+    }
     let claimed = match &options.mirror {
         Some(mirror) => Some(mirror::claim(&options.data, &mirror.location, mirror.from_mirror).await?),
         None => None,
@@ -191,10 +200,6 @@ async fn open_data(options: Options) -> Result<(Options, ClosedOnDrop, Checkpoin
     if let (Some(mirror), None) = (mirrored_checkpoints, &options.checkpoints) {
         checkpoints = checkpoints.mirrored(mirror).await?;
     }
-    // The data directory's own folder is not tested: its disk may be full for now, and campaigns wait for free space.
-    if options.tries_checkpoints && options.checkpoints.is_some() {
-        checkpoints.try_out().await?;
-    }
     Ok((options, store, checkpoints))
 }
 
@@ -208,7 +213,13 @@ impl Coordinator {
         let (listener, address) = listen(options.listen.address()).await?;
         let (options, closed_on_drop, checkpoints) = open_data(options).await?;
         let store = closed_on_drop.0.clone();
-        checkpoints.verify().await?;
+        match checkpoints.verify().await {
+            // The coordinator that had the mirror has ended: all other campaigns can go on.
+            Err(damaged @ CheckpointError::Damaged { .. }) if options.mirror.is_some() => {
+                tracing::error!("{damaged}")
+            }
+            verified => verified?,
+        }
         let metrics = Metrics::new();
         let quarantined = store.quarantined()?;
         let dispatch = Dispatch::start(
@@ -465,8 +476,8 @@ impl Options {
     fn check_access_files(&self) -> Result<(), StoreError> {
         let files = self.access_files()?;
         files.iter().try_for_each(|(path, owner)| {
-            AccessFile::expect_no_other(path, *owner)
-                .map_err(|error| StoreError::from_io(error, "write the access file", path))
+            let writable = AccessFile::expect_writable(path, *owner);
+            writable.map_err(|error| StoreError::from_io(error, "write the access file", path))
         })
     }
 

@@ -257,7 +257,7 @@ impl From<Status> for CliError {
     fn from(status: Status) -> Self {
         let message = Text::line(status.message());
         let text = match (status.code(), status.source()) {
-            (Code::Unavailable, _) => format!("the coordinator cannot be reached: {message}"),
+            (Code::Unavailable, Some(_)) => format!("the coordinator cannot be reached: {message}"),
             (_, Some(source)) => format!(
                 "the connection to the coordinator failed ({}); the URL of an encrypted coordinator begins with https://",
                 root_cause(source)

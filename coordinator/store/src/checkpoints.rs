@@ -139,8 +139,10 @@ impl Checkpoints {
 
     /// Keeps every checkpoint in a mirror too. Checkpoints that only the mirror has are copied from it.
     ///
+    /// If that fails, it is only logged, so that the other campaigns go on: a campaign that needs the checkpoint fails.
+    ///
     /// # Errors
-    /// If a checkpoint cannot be copied.
+    /// If a checkpoint cannot be copied to the mirror.
     pub async fn mirrored(mut self, mirror: CheckpointsOfMirror) -> Result<Self, CheckpointError> {
         self.blob_store.mirror_to(mirror.0);
         for record in self.list().await? {
@@ -149,12 +151,12 @@ impl Checkpoints {
         Ok(self)
     }
 
-    /// Tests whether checkpoints can be kept at their location.
+    /// Tests whether checkpoints can be kept at `location`, before they are.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] if checkpoints cannot be kept at their location.
-    pub async fn try_out(&self) -> Result<(), CheckpointError> {
-        self.blob_store.try_out().await
+    /// [`CheckpointError::Location`] if checkpoints cannot be kept there.
+    pub async fn try_out(data: &Path, location: &str) -> Result<(), CheckpointError> {
+        BlobStore::open(data, Some(location))?.try_out().await
     }
 
     /// Checks every checkpoint in a folder against its digest; checkpoints in a bucket are checked when they are fetched. A

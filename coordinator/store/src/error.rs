@@ -151,8 +151,8 @@ pub enum StoreError {
     NoMirror { place: String, reason: String },
     /// A change is stored in the data directory, and not yet in the mirror.
     #[error(
-        "the change is stored, and the mirror {place} does not have it yet ({reason}): if this coordinator is lost, so is the change; \
-         repeat the request to be sure"
+        "the change is stored, and the mirror {place} does not have it yet ({reason}): it follows when the mirror works, unless this \
+         machine is lost before; do not repeat the request"
     )]
     Unmirrored { place: String, reason: String },
     /// A process uses the data directory, whose file system does not allow a second process.

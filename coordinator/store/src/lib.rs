@@ -77,7 +77,11 @@ use std::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
+    time::{Duration, Instant},
 };
+
+/// Shortest time between two attempts to write the log into the database because the disk is full.
+const PAUSE_TO_FREE: Duration = Duration::from_secs(60);
 
 /// The open store; clones share its connections.
 #[derive(Debug, Clone)]
@@ -98,6 +102,8 @@ pub struct Store {
     sync_failed: Arc<AtomicBool>,
     /// Whether the store accepts no more changes. Read and set this flag only while `connection` is locked.
     is_closed: Arc<AtomicBool>,
+    /// When the log was last written into the database because the disk was full.
+    freed: Arc<Mutex<Option<Instant>>>,
     /// Length of the log from which changes write the log into the database.
     long_log: Arc<AtomicU64>,
     /// Held while an export copies a campaign: the log cannot be restarted meanwhile.
@@ -176,6 +182,9 @@ impl Store {
     /// # Errors
     /// If the mirror does not work, or another process has gone on from it.
     pub async fn reach_mirror(&self) -> Result<(), StoreError> {
+        if self.mirror.is_none() {
+            return Ok(());
+        }
         self.change(|store| store.write(|_| Ok(()))).await
     }
 
@@ -225,6 +234,7 @@ impl Store {
             path: path.into(),
             sync_failed: Arc::default(),
             is_closed: Arc::default(),
+            freed: Arc::default(),
             long_log: Arc::new(AtomicU64::new(open::LONG_LOG)),
             copying: Arc::default(),
             followed: Arc::default(),
@@ -320,6 +330,9 @@ impl Store {
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.sync_failed.store(true, Ordering::Relaxed);
         }
+        if matches!(changed, Err(StoreError::DiskFull { .. })) {
+            self.free_log(&connection);
+        }
         let value = changed?;
         let committed = self.mirror.as_ref().map(|mirror| mirror.committed());
         self.shorten_long_log(&connection);
@@ -375,9 +388,11 @@ impl Store {
         };
         match self.path.metadata() {
             Ok(file) if file.ino() == inode => Ok(()),
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(StoreError::from_io(error, "find the database", &self.path))
-            }
+            // A disk that fails for a moment ends no campaign.
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(StoreError::Unwritable {
+                path: self.path.to_path_buf(),
+                reason: format!("the database cannot be found: {error}"),
+            }),
             _ => Err(StoreError::Replaced(self.path.to_path_buf())),
         }
     }
@@ -390,6 +405,10 @@ impl Store {
             return;
         }
         if self.mirror.as_ref().is_some_and(|mirror| !mirror.catches_up()) {
+            tracing::warn!(
+                bytes = len,
+                "the log of the database grows, because the mirror does not have it yet"
+            );
             self.long_log.store(len + open::LONG_LOG, Ordering::Relaxed);
             return;
         }
@@ -405,11 +424,31 @@ impl Store {
             // The changes are on disk even if the log cannot be shortened.
             Err(error) => {
                 tracing::warn!(%error, "the log of the database could not be written into it");
-                self.sync_failed.store(true, Ordering::Relaxed);
-                open::LONG_LOG
+                // On a full disk, the log is whole, and commits can still use its free part.
+                let is_full = matches!(
+                    StoreError::from_sqlite(error, &self.path),
+                    StoreError::DiskFull { .. }
+                );
+                if !is_full {
+                    self.sync_failed.store(true, Ordering::Relaxed);
+                }
+                open::LONG_LOG.max(if is_full { len } else { 0 })
             }
         };
         self.long_log.store(until, Ordering::Relaxed);
+    }
+
+    /// Writes a long log into the database after the disk was full, at most once a minute: the log may be what fills the disk, if the
+    /// mirror lacked it until now. Once it is in the database, it begins anew.
+    fn free_log(&self, connection: &Connection) {
+        let mut freed = self.freed.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_recent = freed.is_some_and(|freed| freed.elapsed() < PAUSE_TO_FREE);
+        let has_mirror = self.mirror.as_ref().is_some_and(|mirror| mirror.catches_up());
+        if has_mirror && !is_recent {
+            *freed = Some(Instant::now());
+            self.long_log.store(open::LONG_LOG, Ordering::Relaxed);
+            self.shorten_long_log(connection);
+        }
     }
 
     fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {

@@ -137,6 +137,9 @@ struct Writers {
     /// Whether the mirror has had a snapshot of the database.
     #[serde(default)]
     has_snapshot: bool,
+    /// What is remembered of other mirrors, to which an attempt has changed nothing or whose place was taken by this one.
+    #[serde(default)]
+    elsewhere: Vec<Self>,
 }
 
 impl Writers {
@@ -145,6 +148,46 @@ impl Writers {
         let writers = [&self.writer, &self.former];
         let is_whole = !self.restoring || self.database.is_some_and(|restored| Some(restored) == database);
         is_whole && !entry.writer.is_empty() && writers.contains(&&entry.writer)
+    }
+
+    /// What is remembered of all mirrors.
+    fn all(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.elsewhere)
+    }
+
+    /// Whether the mirror at `place` has had data of this directory.
+    fn had_data_in(&self, place: &str) -> bool {
+        self.all()
+            .any(|known| known.has_snapshot && known.mirror == place)
+    }
+
+    /// Whether the directory's database has all up to `entry`, the newest of its mirror or of one that it tried.
+    fn know(&self, entry: &Entry, database: Option<u64>) -> bool {
+        self.all().any(|known| known.wrote(entry, database))
+    }
+
+    /// What a new attempt at `place` must remember of other mirrors.
+    fn of_others(&self, place: &str, has_database: bool) -> Vec<Self> {
+        let others = self
+            .all()
+            .filter(|known| !known.mirror.is_empty() && known.mirror != place);
+        let remembered = others.map(|known| Self {
+            elsewhere: Vec::new(),
+            ..known.clone()
+        });
+        match has_database {
+            true => remembered.collect(),
+            false => remembered.map(Self::without_writers).collect(),
+        }
+    }
+
+    /// What is remembered once the directory's database may no longer be the one that wrote to that mirror.
+    fn without_writers(self) -> Self {
+        Self {
+            writer: String::new(),
+            former: String::new(),
+            ..self
+        }
     }
 
     /// Writes what was known before an attempt that has failed.
@@ -178,6 +221,8 @@ pub struct Claimed {
     epoch: u64,
     /// Number of the first entry of this epoch.
     epoch_begins: u64,
+    /// Whether the mirror has an entry of this process as its newest.
+    is_placed: bool,
 }
 
 /// Takes the mirror at `location`, a folder or a URL as of a checkpoint store, for the data directory. With `from_mirror`, a data
@@ -198,9 +243,10 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         next: 1,
         epoch: 1,
         epoch_begins: 1,
+        is_placed: false,
     };
     let claiming = Claiming {
-        place: claimed.entries.objects.to_string(),
+        place: claimed.entries.objects.canonical_place()?,
         inode: inode_of(&data.path().join(Store::FILE))?,
         data: data.path(),
         from_mirror,
@@ -209,7 +255,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
     match claimed.place_first(&claiming).await {
         Ok(()) => Ok(claimed),
         // The attempt has left nothing in this mirror, and the directory's own mirror may be another one.
-        Err(error) if error.is_refusal() => {
+        Err(error) if error.is_refusal() && !claimed.is_placed => {
             writers.write_back(data.path())?;
             Err(error)
         }
@@ -246,16 +292,20 @@ impl Claimed {
         for _ in 0..CLAIMS {
             let all = self.entries.list().await?;
             let (mut former, mut restores) = (String::new(), false);
+            let mut had_data = writers.had_data_in(place);
             match all.keys().next_back() {
                 Some(&newest) => {
                     let (last, _) = self.entries.read(newest).await?;
                     self.follow(newest, last.epoch)?;
-                    match has_database && writers.wrote(&last, claiming.inode) {
-                        true => former = last.writer,
+                    match has_database && writers.know(&last, claiming.inode) {
+                        true => {
+                            former = last.writer;
+                            had_data |= has_data(&self.entries, &all).await?;
+                        }
                         false => restores = has_data(&self.entries, &all).await?,
                     }
                 }
-                None if writers.has_snapshot && writers.mirror == *place => {
+                None if had_data => {
                     return Err(MirrorError::Gone(place.clone()));
                 }
                 None => {}
@@ -286,7 +336,10 @@ impl Claimed {
                 writer: self.writer.clone(),
                 former,
                 restoring: restores,
-                ..Writers::default()
+                database: None,
+                // An attempt that fails must not forget this.
+                has_snapshot: restores || had_data,
+                elsewhere: writers.of_others(place, has_database),
             };
             let payload = match has_database {
                 true => CLAIM_WITH_DATA,
@@ -325,8 +378,13 @@ impl Claimed {
             return Ok(restore);
         }
         let restore = Restore::begin(&self.entries, all, data).await?;
-        restore.check().await?;
-        Ok(restore)
+        match restore.check().await {
+            Err(MirrorError::Store(StoreError::Damaged { reason, .. })) => {
+                let path = restore.keep(data)?;
+                Err(StoreError::Damaged { path, reason }.into())
+            }
+            checked => checked.map(|()| restore),
+        }
     }
 
     async fn put_in_place(&self, restore: Restore, known: Writers, data: &Path) -> Result<(), MirrorError> {
@@ -340,14 +398,15 @@ impl Claimed {
         };
         restore.finish(data, note).await?;
         let restored = Writers {
-            mirror: known.mirror,
-            writer: known.writer,
-            ..Writers::default()
+            restoring: false,
+            database: None,
+            ..known
         };
         restored.write(data)
     }
 
-    /// Writes this process's first entry. False if another process has written an entry with this number.
+    /// Writes this process's first entry. False if another process has written an entry with this number, or later ones: what is old
+    /// has been removed, so a number can be free although the mirror has gone on from it.
     async fn place_claim(
         &mut self,
         data: &Path,
@@ -360,8 +419,17 @@ impl Claimed {
         if self.entries.put(self.next, &claim).await? == Placed::Another {
             return Ok(false);
         }
-        if self.next > 1 {
-            self.entries.expect(self.next - 1, None).await?;
+        let newest = self.entries.list_from(self.next.saturating_sub(1)).await?;
+        if newest
+            .keys()
+            .next_back()
+            .is_some_and(|&newest| newest > self.next)
+        {
+            return Ok(false);
+        }
+        self.is_placed = true;
+        if self.next > 1 && !newest.contains_key(&(self.next - 1)) {
+            return Err(MirrorError::Gone(self.entries.name(self.next - 1)));
         }
         // If this takes the place of the claim, it is one too.
         let trial = self.entry(What::Claim, b"trial")?;
@@ -418,9 +486,11 @@ fn open(location: &str, data: &Path) -> Result<Objects, MirrorError> {
 /// Notes that the mirror has a snapshot of the database in `data`.
 pub(crate) fn note_snapshot(data: &Path) -> Result<(), MirrorError> {
     let known = read_writers(data)?;
-    let has_snapshot = true;
+    let elsewhere = known.elsewhere.into_iter().map(Writers::without_writers);
     Writers {
-        has_snapshot,
+        has_snapshot: true,
+        // The database changes without the other mirrors from now on.
+        elsewhere: elsewhere.collect(),
         ..known
     }
     .write(data)

@@ -9,6 +9,9 @@ use std::{
     sync::Arc,
 };
 
+/// Slowest object store with which a mirror works, bytes per second.
+pub(crate) const SLOWEST: u64 = 256 << 10;
+
 /// A folder or a bucket's prefix that holds objects; cheap to clone.
 #[derive(Debug, Clone)]
 pub(crate) struct Objects {
@@ -101,6 +104,14 @@ impl Objects {
     }
 
     /// The folder that holds the objects; `None` for a bucket.
+    /// The place of the objects under one name, whatever name was given: a folder's canonical path, or the URL.
+    pub(crate) fn canonical_place(&self) -> io::Result<String> {
+        match self.folder() {
+            Some(folder) => Ok(folder.canonicalize()?.display().to_string()),
+            None => Ok(self.to_string()),
+        }
+    }
+
     pub(crate) fn folder(&self) -> Option<&Path> {
         match &self.place {
             Place::Folder(folder) => Some(folder),

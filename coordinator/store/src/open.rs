@@ -311,7 +311,7 @@ pub(super) fn copy_whole(from: &Connection, to: &mut Connection) -> rusqlite::Re
     }
 }
 
-fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
     if path.metadata().map_or(0, |file| file.len()) > CHECKED_BYTES {
         tracing::info!(path = %path.display(), "not checked at start, for its size: `murmuration doctor` does");
         return Ok(());

@@ -132,6 +132,16 @@ impl AccessFile {
         replace(path, &Stored::Ended { ended: true })
     }
 
+    /// Checks that [`AccessFile::write`] can write here: it would [replace no other file](Self::expect_no_other), and the folder takes
+    /// new files.
+    ///
+    /// # Errors
+    /// If another file is there, or no file can be written.
+    pub fn expect_writable(path: &Path, owner: Option<TokenDigest>) -> io::Result<()> {
+        Self::expect_no_other(path, owner)?;
+        NewFile::create_secret(path).map(drop)
+    }
+
     /// Checks that [`AccessFile::write`] would replace no other file and, if an `owner` is given, no access file with a token of
     /// another owner.
     ///

@@ -262,11 +262,16 @@ impl Campaigns {
         check_simulator(record)?;
         let deciding = self.registry.deciding(&record.id).await;
         let id = record.id.clone();
-        if self.context.store.run(move |store| store.reopen(&id)).await? {
+        // What is stored is carried out even if the mirror lacks it.
+        let (reopened, unmirrored) = match self.context.store.run(move |store| store.reopen(&id)).await {
+            Err(error) if error.is_stored() => (true, Some(error)),
+            reopened => (reopened?, None),
+        };
+        if reopened {
             self.registry.stop(&deciding);
             self.go_on(&deciding).await?;
         }
-        Ok(())
+        unmirrored.map_or(Ok(()), |error| Err(error.into()))
     }
 
     /// For each campaign, oldest first, the fields that a search of the list uses.

@@ -5,7 +5,7 @@ use super::CheckpointError;
 use crate::{
     StoreError,
     files::is_there,
-    objects::{NoPlace, Objects, folder_of},
+    objects::{NoPlace, Objects, SLOWEST, folder_of},
 };
 use bytes::Bytes;
 use murmuration_swarm::CheckpointDigest;
@@ -119,7 +119,13 @@ impl BlobStore {
         };
         match (self.has(digest).await?, other.has(digest).await?) {
             (true, false) => other.put(digest, self.get(digest).await?).await,
-            (false, true) => self.put(digest, other.get(digest).await?).await,
+            (false, true) => {
+                let copy = async { self.put(digest, other.get(digest).await?).await };
+                if let Err(error) = copy.await {
+                    tracing::warn!(%digest, %error, "a checkpoint of the mirror could not be copied");
+                }
+                Ok(())
+            }
             (true, true) | (false, false) => Ok(()),
         }
     }
@@ -152,8 +158,9 @@ impl BlobStore {
         if let Some(mirror) = &self.mirror {
             let put = async {
                 let path = mirror.path(&name);
+                let limit = TRIAL_LIMIT + Duration::from_secs(bytes.len() as u64 / SLOWEST);
                 let put = mirror.store.put(&path, bytes.into());
-                match tokio::time::timeout(TRIAL_LIMIT, put).await {
+                match tokio::time::timeout(limit, put).await {
                     Ok(put) => put.map(drop).map_err(|error| error.to_string()),
                     Err(_) => Err("it does not answer".to_owned()),
                 }

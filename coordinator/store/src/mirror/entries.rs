@@ -5,7 +5,7 @@
 //! objects `snapshots/B-ATTEMPT`, where B is the number of the first entry of their epoch.
 
 use super::MirrorError;
-use crate::objects::Objects;
+use crate::objects::{Objects, SLOWEST};
 use bytes::Bytes;
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use object_store::{ObjectStoreExt as _, PutMode, PutPayload, WriteMultipart};
@@ -30,8 +30,6 @@ pub(super) const PARTS_AT_ONCE: usize = 4;
 pub(super) const MAX_PAYLOAD: u64 = 4 << 20;
 /// Objects younger than this stay: somebody may be reading them.
 const KEPT: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 3600 });
-/// Slowest object store with which a mirror works, bytes per second.
-const SLOWEST: u64 = 256 << 10;
 /// Limit for an attempt to write or read a part of a snapshot or a long entry, while others are on their way.
 const LIMIT_OF_PARTS: Duration =
     Duration::from_secs(LIMIT.as_secs() + (PARTS_AT_ONCE * PART_BYTES) as u64 / SLOWEST);
@@ -144,21 +142,34 @@ impl Listed {
 impl Entries {
     /// All entries, by number.
     pub(super) async fn list(&self) -> Result<BTreeMap<u64, Listed>, MirrorError> {
-        let listed = self.listed(LOG).await?.into_iter();
+        self.list_from(0).await
+    }
+
+    /// The entries from number `first` on.
+    pub(super) async fn list_from(&self, first: u64) -> Result<BTreeMap<u64, Listed>, MirrorError> {
+        let before = first.checked_sub(1).map(name_of);
+        let listed = self.listed(LOG, before.as_deref()).await?.into_iter();
         let numbered = listed.filter_map(|listed| Some((number_of(&listed.name)?, listed)));
         Ok(numbered.collect())
     }
 
     /// All snapshots, those whose logs begin last first.
     pub(super) async fn snapshots(&self) -> Result<Vec<Listed>, MirrorError> {
-        let mut listed = self.listed(SNAPSHOTS).await?;
+        let mut listed = self.listed(SNAPSHOTS, None).await?;
         listed.sort_by(|one, other| other.name.cmp(&one.name));
         Ok(listed)
     }
 
-    async fn listed(&self, folder: &str) -> Result<Vec<Listed>, MirrorError> {
+    /// The objects of a folder whose names come after `after`.
+    async fn listed(&self, folder: &str, after: Option<&str>) -> Result<Vec<Listed>, MirrorError> {
         let prefix = self.objects.path(folder);
-        let mut objects = self.objects.store.list(Some(&prefix));
+        let mut objects = match after {
+            Some(after) => self
+                .objects
+                .store
+                .list_with_offset(Some(&prefix), &self.objects.path(after)),
+            None => self.objects.store.list(Some(&prefix)),
+        };
         let mut listed = Vec::new();
         while let Some(object) = self.within(objects.try_next()).await? {
             let name = object.location.prefix_match(&prefix).into_iter().flatten();
@@ -216,26 +227,36 @@ impl Entries {
         }
     }
 
-    /// Checks that entry `number` is there and, with `entry`, that it has these bytes. Otherwise the mirror's folder is another one
-    /// than before, such as the empty folder under a file system that is not mounted any more.
+    /// Checks that entry `number` is there with these bytes. Otherwise the mirror's folder is another one than before, such as the
+    /// empty folder under a file system that is not mounted any more.
     ///
     /// # Errors
     /// [`MirrorError::Gone`].
-    pub(super) async fn expect(&self, number: u64, entry: Option<&Bytes>) -> Result<(), MirrorError> {
-        let gone = || MirrorError::Gone(self.objects.name(&name_of(number)));
-        let found = match entry {
-            Some(entry) => self.object(number).await.map(|found| found == *entry),
-            None => self
-                .within(self.objects.store.head(&self.objects.path(&name_of(number))))
-                .await
-                .map(|_| true),
-        };
+    pub(super) async fn expect(&self, number: u64, entry: &Bytes) -> Result<(), MirrorError> {
+        let found = self.object(number).await.map(|found| found == *entry);
+        self.is_there(found, &name_of(number))
+    }
+
+    /// Checks that the object of a snapshot is there, as [`expect`](Self::expect) does.
+    pub(super) async fn expect_snapshot(&self, snapshot: &Snapshot) -> Result<(), MirrorError> {
+        let path = self.objects.path(&snapshot.object);
+        let found = self.within(self.objects.store.head(&path)).await;
+        self.is_there(found.map(|found| found.size == snapshot.bytes), &snapshot.object)
+    }
+
+    fn is_there(&self, found: Result<bool, MirrorError>, name: &str) -> Result<(), MirrorError> {
+        let gone = || MirrorError::Gone(self.objects.name(name));
         match found {
             Ok(true) => Ok(()),
             Ok(false) => Err(gone()),
             Err(error) if error.is_not_found() => Err(gone()),
             Err(error) => Err(error),
         }
+    }
+
+    /// The name of entry `number`, for messages.
+    pub(super) fn name(&self, number: u64) -> String {
+        self.objects.name(&name_of(number))
     }
 
     /// Writes the database's file as the object of a snapshot.

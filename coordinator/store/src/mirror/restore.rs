@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Store, StoreError,
     files::{log_of, sync},
-    open::{settle, shorten_log},
+    open::{self, settle, shorten_log},
     schema,
 };
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
@@ -138,7 +138,7 @@ impl Restore {
         Ok(written?)
     }
 
-    /// Checks that this program can read the database, and that the disk has room for it.
+    /// Checks that the database is whole, that this program can read it, and that the disk has room for it.
     pub(super) async fn check(&self) -> Result<(), MirrorError> {
         let database = self.database();
         let check = move || -> Result<(), StoreError> {
@@ -148,11 +148,25 @@ impl Restore {
             let stays = DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE;
             connection.set_db_config(stays, true).map_err(named)?;
             schema::version(&connection, &database)?;
+            open::check(&connection, &database)?;
             shorten_log(&connection).map_err(named)?;
             connection.close().map_err(|(_, source)| named(source))
         };
         let checked = crate::blocking::changing(check).await.map_err(StoreError::from)?;
         Ok(checked?)
+    }
+
+    /// Keeps a damaged database in `folder`, for `murmuration doctor` and tools of SQLite, and returns its path.
+    pub(super) fn keep(self, folder: &Path) -> io::Result<PathBuf> {
+        let arrived = self
+            .arriving
+            .path()
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy();
+        let place = folder.join(format!("damaged-{}", arrived.trim_start_matches(ARRIVING)));
+        fs::rename(self.arriving.keep(), &place)?;
+        Ok(place.join(Store::FILE))
     }
 
     /// Completes the database, has `note` write down its inode, and gives it its place in `folder`.

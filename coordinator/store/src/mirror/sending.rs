@@ -221,14 +221,38 @@ impl Sender {
         } = uploaded;
         self.claimed.enter_epoch(snapshot.epoch, begins);
         let object = snapshot.object.clone();
-        let entry = self.claimed.entry(What::Snapshot(snapshot), &[])?;
+        let entry = self.claimed.entry(What::Snapshot(snapshot.clone()), &[])?;
         let placed = self.put(mirror, &entry).await;
         if placed == Placed::Ours {
+            match self.find(mirror, &snapshot).await {
+                Ok(()) => {}
+                Err(gone) if mirror.next().is_torn || !mirror.is_begun() => return Err(gone),
+                // Entries are of use without this snapshot, and an entry alone does no harm.
+                Err(gone) => {
+                    tracing::warn!(error = %gone, "a snapshot went elsewhere");
+                    mirror.postpone_snapshot();
+                    return Ok(placed);
+                }
+            }
             mirror.has_snapshot(reading);
             let entries = self.claimed.entries.clone();
             tokio::spawn(async move { entries.remove_before(begins, &object).await });
         }
         Ok(placed)
+    }
+
+    /// Checks that a snapshot is where its entry is, and repeats this until it is known: the file system of the mirror may have been
+    /// mounted only after the snapshot was written.
+    async fn find(&self, mirror: &Mirror, snapshot: &Snapshot) -> Result<(), MirrorError> {
+        loop {
+            match self.claimed.entries.expect_snapshot(snapshot).await {
+                Err(error) if !matches!(error, MirrorError::Gone(_)) => {
+                    mirror.fail(&error);
+                    tokio::time::sleep(PAUSE_TO_REPEAT).await;
+                }
+                found => return found,
+            }
+        }
     }
 
     /// Writes the next entry, and repeats this until it is known whose entry has its number.
@@ -252,9 +276,12 @@ impl Sender {
             entries, claim, next, ..
         } = &self.claimed;
         let placed = entries.put(*next, entry).await?;
-        // Where the entry went, the claim must be too.
+        // Where the entry went, the claim must be too. A file system can be mounted between two of these steps.
         if placed == Placed::Ours {
-            entries.expect(claim.0, Some(&claim.1)).await?;
+            entries.expect(claim.0, &claim.1).await?;
+            if entries.objects.folder().is_some() {
+                entries.expect(*next, entry).await?;
+            }
         }
         Ok(placed)
     }

@@ -473,3 +473,155 @@ proptest! {
         });
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_attempt_that_fails_does_not_forget_that_the_mirror_had_data() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    // Killed before its snapshot.
+    drop(place.claim("first", false).await.unwrap());
+    let [mirror, away] = ["mirror", "away"].map(|name| place.folder.path().join(name));
+    fs::rename(&mirror, &away).unwrap();
+    fs::create_dir(&mirror).unwrap();
+    for _ in 0..2 {
+        let refused = place.start("first", false).await.err().unwrap();
+        assert!(matches!(refused, MirrorError::Gone(_)), "{refused}");
+    }
+    fs::remove_dir_all(&mirror).unwrap();
+    fs::rename(&away, &mirror).unwrap();
+    let again = place.start("first", false).await.unwrap();
+    assert!(again.end() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_attempt_with_another_mirror_leaves_the_directory_its_own() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    for name in ["one", "other"] {
+        let elsewhere = place.folder.path().join(name);
+        fs::create_dir(&elsewhere).unwrap();
+        // Nothing can be written there.
+        fs::write(elsewhere.join("log"), "").unwrap();
+        let data = DataDirectory::hold(&place.folder.path().join("first")).unwrap();
+        claim(&data, &elsewhere.display().to_string(), false)
+            .await
+            .unwrap_err();
+    }
+    let again = place.start("first", false).await.unwrap();
+    again.add(10).await.unwrap();
+    assert_eq!(again.end()[..1], acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn once_another_mirror_has_the_database_the_former_one_is_foreign() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    first.end();
+    let elsewhere = place.folder.path().join("elsewhere").display().to_string();
+    let data = DataDirectory::hold(&place.folder.path().join("first")).unwrap();
+    let claimed = claim(&data, &elsewhere, false).await.unwrap();
+    drop(
+        Store::open_claimed(&data, &claimed)
+            .unwrap()
+            .mirrored(claimed)
+            .await
+            .unwrap(),
+    );
+    drop(data);
+    // Its database could be another one by now, or an older one.
+    let refused = place.start("first", false).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Foreign(_)), "{refused}");
+    let data = DataDirectory::hold(&place.folder.path().join("first")).unwrap();
+    claim(&data, &elsewhere, false).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_database_does_not_pass_for_the_one_that_had_the_mirror() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    first.end();
+    fs::remove_file(place.folder.path().join("first").join(Store::FILE)).unwrap();
+    let elsewhere = place.folder.path().join("elsewhere").display().to_string();
+    let data = DataDirectory::hold(&place.folder.path().join("first")).unwrap();
+    // Killed before its snapshot.
+    let claimed = claim(&data, &elsewhere, false).await.unwrap();
+    drop(Store::open_claimed(&data, &claimed).unwrap());
+    drop(data);
+    let refused = place.start("first", false).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Foreign(_)), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_snapshot_that_went_elsewhere_replaces_no_former_one() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    let (data, claimed) = place.claim("first", false).await.unwrap();
+    // The file system of the mirror is not mounted while the snapshot is written.
+    let [mirror, away] = ["mirror", "away"].map(|name| place.folder.path().join(name));
+    fs::rename(&mirror, &away).unwrap();
+    let store = Store::open_claimed(&data, &claimed).unwrap();
+    let starting = tokio::spawn(store.mirrored(claimed));
+    let is_written = || {
+        let snapshots = fs::read_dir(mirror.join("snapshots"))
+            .into_iter()
+            .flatten()
+            .flatten();
+        snapshots
+            .into_iter()
+            .any(|file| !file.file_name().to_string_lossy().contains('#'))
+    };
+    while !is_written() {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    while fs::remove_dir_all(&mirror)
+        .and_then(|()| fs::rename(&away, &mirror))
+        .is_err()
+    {}
+    // It can be refused, or be written anew.
+    if let Ok(store) = starting.await.unwrap() {
+        add(&store, 10).await.unwrap();
+    }
+    drop(data);
+    let second = place.start("second", true).await.unwrap();
+    assert_eq!(second.rows()[..1], acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_late_claim_among_removed_entries_does_not_count() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    let data = DataDirectory::hold(&place.folder.path().join("late")).unwrap();
+    let mut late = Claimed {
+        entries: Entries {
+            objects: open(&place.mirror(), data.path()).unwrap(),
+        },
+        writer: "late".to_owned(),
+        claim: (0, Bytes::new()),
+        next: 1,
+        epoch: 1,
+        epoch_begins: 1,
+        is_placed: false,
+    };
+    late.follow(2, 1).unwrap();
+    let third = place.folder.path().join("mirror/log/00000000000000000003");
+    first.add(2000).await.unwrap();
+    assert!(third.exists());
+    // What follows a later snapshot needs no earlier entries.
+    while third.exists() {
+        first.add(LONG_LOG as usize).await.unwrap();
+    }
+    let known = Writers::default();
+    assert!(!late.place_claim(data.path(), &known, &[]).await.unwrap());
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    let second = place.start("second", true).await.unwrap();
+    assert!(second.rows() == acknowledged);
+}
