@@ -72,6 +72,9 @@ pub struct Options {
     pub dispatch: dispatch::Options,
     /// The mirror of the data directory, if any.
     pub mirror: Option<MirrorOptions>,
+    /// Why nothing can be changed, if the data directory is [a copy](murmuration_store::backup::copy_to_read) of one that cannot be
+    /// written.
+    pub reads_only: Option<String>,
     /// How other processes find the coordinator; `None` if only its own command uses it.
     pub publication: Option<Publication>,
 }
@@ -187,6 +190,9 @@ async fn open_data(options: Options) -> Result<(Options, ClosedOnDrop, Checkpoin
     };
     let (store, claimed, options) = blocking(open).await.map_err(StoreError::from)?;
     let mut store = ClosedOnDrop(store?);
+    if let Some(reason) = &options.reads_only {
+        store.0 = store.0.clone().reading_only(reason);
+    }
     let mut mirrored_checkpoints = None;
     if let Some(claimed) = claimed {
         mirrored_checkpoints = Some(claimed.checkpoints());

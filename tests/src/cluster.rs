@@ -117,6 +117,7 @@ impl Cluster {
             tries_checkpoints: true,
             dispatch,
             mirror: None,
+            reads_only: None,
             publication: None,
         };
         let local = LocalCluster::start(options, in_process).await.unwrap();

@@ -2,11 +2,11 @@
 //!
 //! Only [`with`], [`with_new`] and [`with_own`] open a connection, so that every command ends the coordinator that it starts.
 
-use super::{CliError, Global};
+use super::{CliError, Global, files::is_there};
 use murmuration_access::{ListenConfig, local_token};
 use murmuration_coordinator::{
     local::{InProcess, LocalCluster},
-    server::{Options, Publication},
+    server::{Options, Publication, ServerError},
 };
 use murmuration_dispatch as dispatch;
 use murmuration_link::{
@@ -18,12 +18,13 @@ use murmuration_proto::v1::{
     node_service_client::NodeServiceClient, study_service_client::StudyServiceClient,
     transfer_service_client::TransferServiceClient,
 };
-use murmuration_store::{DataDirectory, LockHolder, StoreError};
+use murmuration_store::{DataDirectory, LockHolder, Store, StoreError, backup::copy_to_read};
 use std::{
     net::Ipv4Addr,
     path::Path,
     time::{Duration, Instant},
 };
+use tempfile::TempDir;
 use tonic::service::interceptor::InterceptedService;
 
 pub type Client = CampaignServiceClient<Coordinator>;
@@ -45,6 +46,8 @@ pub struct Connection {
     pub nodes: NodeClient,
     /// The coordinator that this process started, if any.
     own: Option<LocalCluster>,
+    /// The copy of the data directory that this process reads, if the directory cannot be written.
+    copy: Option<TempDir>,
 }
 
 /// Longest wait for the address of the process that holds the data directory. A coordinator publishes its address when it begins
@@ -65,7 +68,18 @@ impl Connection {
         let begun = Instant::now();
         loop {
             match hold(&global.data) {
-                Ok(data) => return Self::start(global, data, in_process, None).await,
+                Ok(data) => {
+                    let options = Self::options(global, data, in_process);
+                    return match LocalCluster::start(options, in_process).await {
+                        Err(ServerError::Store(refused)) if refused.leaves_reading() => {
+                            Self::read(global, in_process, refused).await
+                        }
+                        started => Self::of(started?).await,
+                    };
+                }
+                Err(refused) if refused.leaves_reading() => {
+                    return Self::read(global, in_process, refused).await;
+                }
                 Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                     return Self::to(&of_holder(holder, &global.data)?).await;
                 }
@@ -77,28 +91,23 @@ impl Connection {
         }
     }
 
-    /// Starts a coordinator over a data directory that this process holds; with a `publication`, for other machines too.
-    async fn start(
-        global: &Global,
-        data: DataDirectory,
-        in_process: InProcess,
-        publication: Option<Publication>,
-    ) -> Result<Self, CliError> {
-        let address = match &publication {
-            Some(_) => Ipv4Addr::UNSPECIFIED,
-            None => Ipv4Addr::LOCALHOST,
-        };
-        let options = Options {
+    /// Options of a coordinator over a data directory that this process holds, for this process alone.
+    fn options(global: &Global, data: DataDirectory, in_process: InProcess) -> Options {
+        Options {
             data,
-            listen: ListenConfig::new((address, 0).into(), None, None),
+            listen: ListenConfig::new((Ipv4Addr::LOCALHOST, 0).into(), None, None),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: in_process != InProcess::NONE,
             dispatch: dispatch::Options::default(),
             mirror: None,
-            publication,
-        };
-        let own = LocalCluster::start(options, in_process).await?;
+            reads_only: None,
+            publication: None,
+        }
+    }
+
+    /// A connection to a coordinator that this process has started.
+    async fn of(own: LocalCluster) -> Result<Self, CliError> {
         let way = own.coordinator().local().clone();
         match Self::to(&way.target()).await {
             Ok(connection) => Ok(Self {
@@ -112,6 +121,24 @@ impl Connection {
         }
     }
 
+    /// Starts a coordinator over a copy of the data directory, which refuses changes because the directory `refused` them.
+    async fn read(global: &Global, in_process: InProcess, refused: StoreError) -> Result<Self, CliError> {
+        if !is_there(&global.data.join(Store::FILE))? {
+            return Err(refused.into());
+        }
+        let copy = copy_to_read(&global.data)?;
+        let data = DataDirectory::hold(copy.path())?;
+        let options = Options {
+            reads_only: Some(refused.to_string()),
+            ..Self::options(global, data, in_process)
+        };
+        let own = LocalCluster::start(options, in_process).await?;
+        Ok(Self {
+            copy: Some(copy),
+            ..Self::of(own).await?
+        })
+    }
+
     async fn to(target: &Target) -> Result<Self, CliError> {
         let channel = connect(target).await?;
         Ok(Self {
@@ -123,6 +150,7 @@ impl Connection {
             studies: StudyClient::new(channel.clone()),
             nodes: NodeClient::new(channel),
             own: None,
+            copy: None,
         })
     }
 
@@ -154,6 +182,8 @@ impl Connection {
             Some(own) => own.shutdown().await.map_err(CliError::from),
             None => Ok(()),
         };
+        // The coordinator reads the copy until it has ended.
+        drop(self.copy);
         // The error of the command matters more than an error at shutdown.
         let answer = answer?;
         ended?;
@@ -201,10 +231,13 @@ pub async fn with_own<T>(
     publication: Option<Publication>,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    Connection::start(global, data, in_process, publication)
-        .await?
-        .asked(ask)
-        .await
+    let mut options = Connection::options(global, data, in_process);
+    if publication.is_some() {
+        options.listen = ListenConfig::new((Ipv4Addr::UNSPECIFIED, 0).into(), None, None);
+        options.publication = publication;
+    }
+    let own = LocalCluster::start(options, in_process).await?;
+    Connection::of(own).await?.asked(ask).await
 }
 
 /// The coordinator that holds the data directory `data`.

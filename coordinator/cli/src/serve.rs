@@ -128,6 +128,7 @@ impl Serve {
             .await
             .map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
+            reads_only: None,
             data,
             listen,
             resume: true,

@@ -55,6 +55,7 @@ impl IntoStatus for StoreError {
             | StoreError::NoDirectory(_)
             | StoreError::NoFolder(_)
             | StoreError::Mirrored { .. }
+            | StoreError::ReadsOnly(_)
             | StoreError::Newer { .. }
             | StoreError::Unshared { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(message),

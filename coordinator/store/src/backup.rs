@@ -10,7 +10,7 @@ use crate::{
     blocking::Broken,
     checkpoints::{BlobStore, CheckpointError},
     doctor,
-    files::{self, is_empty, is_there, without_links},
+    files::{self, is_empty, is_there, log_of, without_links},
     find_database, remove_new,
 };
 use bytes::Bytes;
@@ -19,12 +19,14 @@ use murmuration_search::interrupt::{Interrupt, Interrupted};
 use murmuration_swarm::CheckpointDigest;
 use serde::{Deserialize, Serialize};
 use std::{
+    env,
     ffi::OsStr,
     fs::{self, File},
     io,
     path::{Path, PathBuf},
     time::{SystemTime, UNIX_EPOCH},
 };
+use tempfile::TempDir;
 
 /// Version of the manifest's format.
 const SCHEMA: u32 = 1;
@@ -135,6 +137,38 @@ pub async fn backup(
     fs::rename(folder, target).map_err(failed("write", target))?;
     sync(parent)?;
     Ok(manifest)
+}
+
+/// Copies the database of `data`, which cannot be written, into a new folder of the system's folder for temporary files. A coordinator
+/// over the copy reads the checkpoints of `data` itself.
+///
+/// # Errors
+/// [`StoreError::InUse`] if a process holds the data directory; other errors if the database cannot be read, or the copy has no room.
+pub fn copy_to_read(data: &Path) -> Result<TempDir, StoreError> {
+    // No process can hold the data directory meanwhile.
+    let _alone = DataDirectory::watch(data)?;
+    let temporary = env::temp_dir();
+    let no_room = |error| StoreError::from_io(error, "make a copy to read in", &temporary);
+    let copy = tempfile::Builder::new()
+        .prefix("murmuration-read-")
+        .tempdir_in(&temporary)
+        .map_err(no_room)?;
+    let place = copy.path().join(Store::FILE);
+    let database = data.join(Store::FILE);
+    for (from, to) in [
+        (database.clone(), place.clone()),
+        (log_of(&database), log_of(&place)),
+    ] {
+        if is_there(&from).map_err(|error| StoreError::from_io(error, "read", &from))? {
+            fs::copy(&from, to).map_err(no_room)?;
+        }
+    }
+    let checkpoints = data.join(BlobStore::FOLDER);
+    if is_there(&checkpoints).map_err(|error| StoreError::from_io(error, "read", &checkpoints))? {
+        let original = checkpoints.canonicalize().map_err(no_room)?;
+        std::os::unix::fs::symlink(original, copy.path().join(BlobStore::FOLDER)).map_err(no_room)?;
+    }
+    Ok(copy)
 }
 
 /// Restores the backup `from` as the data directory `data`, which must be empty or not exist. Checks `interrupt` between files.

@@ -166,6 +166,9 @@ pub enum StoreError {
         "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
     )]
     ReadOnly { path: PathBuf },
+    /// The store is a copy of a database that cannot be written.
+    #[error("nothing can be changed here: {0}")]
+    ReadsOnly(String),
     /// No campaign has the requested id.
     #[error("{0}")]
     NoCampaign(UnknownCampaign),
@@ -238,6 +241,19 @@ impl StoreError {
                 | Self::Locked { .. }
                 | Self::NoMirror { .. }
         )
+    }
+
+    /// Whether a process that only reads can use a copy of the database instead.
+    #[must_use]
+    pub fn leaves_reading(&self) -> bool {
+        match self {
+            Self::Mirrored { .. } | Self::ReadOnly { .. } => true,
+            Self::File { source, .. } => matches!(
+                source.kind(),
+                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem
+            ),
+            _ => false,
+        }
     }
 
     /// Whether the change is stored although it cannot be acknowledged.

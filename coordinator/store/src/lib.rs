@@ -102,6 +102,8 @@ pub struct Store {
     sync_failed: Arc<AtomicBool>,
     /// Whether the store accepts no more changes. Read and set this flag only while `connection` is locked.
     is_closed: Arc<AtomicBool>,
+    /// Why the store takes no changes, if it is a copy of a database that cannot be written.
+    reads_only: Option<Arc<str>>,
     /// When the log was last written into the database because the disk was full.
     freed: Arc<Mutex<Option<Instant>>>,
     /// Length of the log from which changes write the log into the database.
@@ -234,11 +236,21 @@ impl Store {
             path: path.into(),
             sync_failed: Arc::default(),
             is_closed: Arc::default(),
+            reads_only: None,
             freed: Arc::default(),
             long_log: Arc::new(AtomicU64::new(open::LONG_LOG)),
             copying: Arc::default(),
             followed: Arc::default(),
             run: None,
+        }
+    }
+
+    /// This store, which refuses all changes from now on for this reason.
+    #[must_use]
+    pub fn reading_only(self, reason: &str) -> Self {
+        Self {
+            reads_only: Some(reason.into()),
+            ..self
         }
     }
 
@@ -306,6 +318,9 @@ impl Store {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         if self.is_closed.load(Ordering::Relaxed) {
             return Err(Interrupted.into());
+        }
+        if let Some(reason) = &self.reads_only {
+            return Err(StoreError::ReadsOnly(reason.to_string()));
         }
         self.check_lease()?;
         if let Some(mirror) = &self.mirror {

@@ -1,8 +1,8 @@
 //! Tests disks that are full, read-only or failing: campaigns must wait, and no acknowledged change may be lost.
 
 use crate::data_directory::{backup::MODEL, generations, undisturbed, waits_for};
-use murmuration_tests::{FaultyLibc, Murmuration, SmallDisk, longer_spec};
-use std::{fs, path::Path};
+use murmuration_tests::{FaultyLibc, Murmuration, SmallDisk, longer_spec, small_spec};
+use std::{fs, path::Path, thread, time::Duration};
 
 /// A file with a label of individual 0.
 fn label(folder: &Path, name: &str, class: &str) -> String {
@@ -97,6 +97,56 @@ pub fn a_read_only_disk_is_named() {
     let named =
         run.stderr.to_lowercase().contains("read-only") && run.stderr.contains(&data.display().to_string());
     assert!(named && !run.stderr.contains("panicked"), "{}", run.stderr);
+}
+
+pub fn a_read_only_disk_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("snapshot");
+    let disk = SmallDisk::new(&data, "24m");
+    let spec = folder.path().join("small.toml");
+    fs::write(&spec, small_spec("").to_toml()).unwrap();
+    let murmuration = Murmuration::over(&data);
+    let run = murmuration.run(&["run", &spec.display().to_string()]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let digest = murmuration.digest();
+    // A part of the database is still in its log, as in the snapshot of a file system.
+    let serve = murmuration.start(&["serve", "--listen", "127.0.0.1:0"]);
+    while !data.join("access.json").exists() {
+        thread::sleep(Duration::from_millis(20));
+    }
+    let file = label(folder.path(), "label.csv", "mill");
+    let labelled = murmuration.run(&["label", "latest", "--csv", &file]);
+    assert_eq!(labelled.code, Some(0), "{}", labelled.stderr);
+    serve.kill();
+    let log = fs::metadata(data.join("murmuration.sqlite-wal")).unwrap();
+    assert!(log.len() > 0);
+    disk.make_read_only();
+
+    assert_eq!(murmuration.digest(), digest);
+    assert_eq!(labels(&murmuration), ["mill"]);
+    let out = |name: &str| folder.path().join(name).display().to_string();
+    let (report, export) = (out("report"), out("export"));
+    for command in [
+        vec!["list"],
+        vec!["show", "latest"],
+        vec!["show", "latest", "--taxonomy"],
+        vec!["doctor"],
+        vec!["report", "latest", "--out", &report],
+        vec!["export", "latest", "--out", &export],
+    ] {
+        let read = murmuration.run(&command);
+        assert_eq!(read.code, Some(0), "{command:?}: {}", read.stderr);
+    }
+    for command in [
+        vec!["label", "latest", "--csv", &file],
+        vec!["delete", "latest", "--yes"],
+        vec!["resume", "latest"],
+    ] {
+        let refused = murmuration.run(&command);
+        assert_eq!(refused.code, Some(1), "{command:?}: {}", refused.stderr);
+        let data = data.display().to_string();
+        assert!(refused.stderr.contains(&data), "{command:?}: {}", refused.stderr);
+    }
 }
 
 pub fn what_does_not_fit_on_a_disk_leaves_nothing_in_the_way() {

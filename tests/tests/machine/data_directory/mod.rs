@@ -27,6 +27,7 @@ pub fn tests() -> Vec<Test> {
         test!(disk::what_does_not_fit_on_a_disk_leaves_nothing_in_the_way).needs(Requirement::Mount),
         test!(disk::what_a_failing_disk_has_not_confirmed_is_not_acknowledged),
         test!(disk::a_read_only_disk_is_named).needs(Requirement::Mount),
+        test!(disk::a_read_only_disk_can_be_read).needs(Requirement::Mount),
         test!(doctor::a_damaged_archive_is_named_and_left_as_it_is),
         test!(doctor::a_database_that_was_cut_off_is_named),
         test!(doctor::a_checkpoint_that_is_torn_is_named_and_one_that_is_gone_comes_back),

@@ -95,6 +95,7 @@ impl BenchCampaign {
             tries_checkpoints: false,
             dispatch: dispatch::Options::default(),
             mirror: None,
+            reads_only: None,
             publication: None,
         };
         let cluster = LocalCluster::start(options, in_process).await?;
