@@ -18,7 +18,7 @@ use murmuration_dispatch::Share;
 use murmuration_link::{AccessFile, access_file_of, errln, termination};
 use std::{
     io::{self, IsTerminal as _},
-    net::{Ipv4Addr, SocketAddr},
+    net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _},
     path::{self, PathBuf},
     time::Duration,
 };
@@ -34,13 +34,14 @@ const PORT: u16 = 7700;
 
 #[derive(Debug, clap::Args)]
 pub struct Serve {
-    /// Address to listen on; the default accepts connections from this machine only. For other machines, such as at 0.0.0.0:7700,
-    /// connections are encrypted, and the access file has what clients need
+    /// Address or name to listen on, with a port; the default accepts connections from this machine only. For other machines, such
+    /// as at 0.0.0.0:7700 or :7700, connections are encrypted, and the access file has what clients need
     #[arg(
         long,
         env = "MURMURATION_LISTEN",
         default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, PORT)),
-        value_name = "ADDRESS"
+        value_name = "ADDRESS",
+        value_parser = listen_address
     )]
     listen: SocketAddr,
     /// Certificate of the coordinator, followed by intermediate certificates (PEM); turns encryption on
@@ -92,6 +93,30 @@ pub struct Serve {
     from_mirror: bool,
     #[command(flatten)]
     in_process: InProcessArgs,
+}
+
+/// The address of `HOST:PORT`, where HOST is an address, a name of this machine, or nothing for all addresses.
+fn listen_address(text: &str) -> Result<SocketAddr, String> {
+    let Some((host, port)) = text.rsplit_once(':') else {
+        return Err("it has no port: such as 127.0.0.1:7700".to_owned());
+    };
+    if port.parse::<u16>().is_err() {
+        return Err(format!("\"{port}\" is no port: such as 127.0.0.1:7700"));
+    }
+    let place = match host {
+        "" | "*" => format!("{}:{port}", Ipv4Addr::UNSPECIFIED),
+        _ => text.to_owned(),
+    };
+    let mut addresses: Vec<SocketAddr> = place
+        .to_socket_addrs()
+        .map_err(|error| error.to_string())?
+        .collect();
+    // `localhost` can be both; clients try 127.0.0.1 first.
+    addresses.sort_by_key(SocketAddr::is_ipv6);
+    addresses
+        .first()
+        .copied()
+        .ok_or_else(|| format!("\"{host}\" has no address"))
 }
 
 impl Serve {
@@ -209,5 +234,29 @@ impl Serve {
             );
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_all_addresses_can_be_listened_on() {
+        let check =
+            |text, expected: &str| assert_eq!(listen_address(text), Ok(expected.parse().unwrap()), "{text}");
+        check("127.0.0.1:7762", "127.0.0.1:7762");
+        check("localhost:7762", "127.0.0.1:7762");
+        check(":7762", "0.0.0.0:7762");
+        check("[::1]:7762", "[::1]:7762");
+        for refused in [
+            "7762",
+            "localhost",
+            "localhost:",
+            "localhost:99999",
+            "no such name:1",
+        ] {
+            assert!(listen_address(refused).is_err(), "{refused}");
+        }
     }
 }

@@ -87,6 +87,12 @@ pub enum CredentialsError {
     TokenVariable(TokenError),
     #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
     Url(String),
+    /// The URL has a path, as of a proxy that serves pages.
+    #[error(
+        "\"{0}\" has a path, for which calls of a coordinator have no place: name the coordinator itself (such as \
+         http://127.0.0.1:7700), or its access file with --access FILE"
+    )]
+    UrlPath(String),
     /// No authority is given for the coordinator's certificate.
     #[error(
         "{0} is encrypted: name the coordinator's access file with --access FILE instead of its URL, or the certificate of \
@@ -185,6 +191,9 @@ impl Credentials {
         let shown = || masked_url(url);
         let no_url = || CredentialsError::Url(shown());
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| no_url())?;
+        if endpoint.uri().path_and_query().is_some_and(|path| path != "/") {
+            return Err(CredentialsError::UrlPath(shown()));
+        }
         match endpoint.uri().scheme_str() {
             Some("http") if self.identity.is_some() => Err(CredentialsError::Plain(shown())),
             Some("http") => Ok(endpoint),
