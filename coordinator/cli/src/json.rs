@@ -49,7 +49,7 @@ const MAX_EXACT: u64 = (1 << 53) - 1;
 
 /// A whole number such as a seed.
 #[derive(Debug)]
-pub(crate) struct Whole(pub(crate) u64);
+pub struct Whole(pub u64);
 
 impl Serialize for Whole {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

@@ -7,7 +7,7 @@ pub(crate) use measures::{
     Accuracy, Agreement, Atlas, BenchAll, BenchCluster, BenchLabels, BenchPipeline, BenchSimulate,
     BenchTrain, Judge, Machine, PatternCounts, Set, UntrainedAccuracy,
 };
-pub(crate) use murmuration_cli::json::{print, print_all};
+pub(crate) use murmuration_cli::json::{Whole, print, print_all};
 pub(crate) use study::{ListedStudy, Study};
 
 use murmuration_cli::json::Kind;

@@ -152,7 +152,7 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
         return json::print(json::BenchLabels {
             strategy: point.strategy.name(),
             labels: point.labels,
-            seed: point.seed,
+            seed: json::Whole(point.seed),
             anchor_not_random_percent: point.not_random,
             every_anchor_percent: point.every,
             seconds: point.took.as_secs_f64(),

@@ -1,5 +1,6 @@
 //! Measurements of embeddings, the judge, atlases and this machine.
 
+use super::Whole;
 use murmuration_accuracy as accuracy;
 use murmuration_train::bench::Figures;
 use schemars::JsonSchema;
@@ -243,7 +244,7 @@ pub(crate) struct BenchLabels {
     /// Number of labels.
     pub(crate) labels: usize,
     /// Seed of dataset, embedder and fine-tuning.
-    pub(crate) seed: u64,
+    pub(crate) seed: Whole,
     /// Correct triplets, in percent of the triplets whose anchor is of another class than `random`; null without such triplets.
     pub(crate) anchor_not_random_percent: Option<f64>,
     /// Correct triplets, in percent of all triplets; null if there are no triplets.

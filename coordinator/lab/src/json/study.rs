@@ -1,5 +1,6 @@
 //! Documents about studies.
 
+use super::Whole;
 use murmuration_study as study;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -31,7 +32,7 @@ struct StudyCell {
     /// The cell's value on each axis.
     values: BTreeMap<String, String>,
     /// Seed of the cell.
-    seed: u64,
+    seed: Whole,
     /// Id of the cell's campaign.
     campaign: String,
     /// Digest of the archive.
@@ -107,7 +108,7 @@ impl Study {
         let cell = |cell: study::MeasuredCell<'_>| StudyCell {
             cell: cell.measured.cell.clone(),
             values: values(&cell.cell.values),
-            seed: cell.cell.spec.seed(),
+            seed: Whole(cell.cell.spec.seed()),
             campaign: cell.measured.campaign.clone(),
             archive_digest: cell.measured.archive_digest.clone(),
             checkpoint: cell.measured.checkpoint.clone(),

@@ -137,7 +137,7 @@ impl LabelFile {
         annotator: impl Fn(Row<'_>) -> Result<A, CsvError>,
     ) -> Result<Vec<Newest<'_, A>>, LabelFileError> {
         let mut newest: Vec<Newest<'_, A>> = Vec::new();
-        let mut places: BTreeMap<(&str, A), usize> = BTreeMap::new();
+        let mut places: BTreeMap<(String, A), usize> = BTreeMap::new();
         for (place, row) in self.rows().enumerate() {
             let Some(answer) = row.answer()? else { continue };
             let own = Newest {
@@ -147,7 +147,11 @@ impl LabelFile {
                 annotator: annotator(row)?,
                 time_ms: row.time_ms()?,
             };
-            let key = (row.behaviour(), own.annotator.clone());
+            // `3`, `03` and two pictures of individual 3 are one behaviour.
+            let behaviour = row
+                .index()
+                .map_or_else(|_| row.behaviour().to_owned(), |index| index.to_string());
+            let key = (behaviour, own.annotator.clone());
             let Some(&place) = places.get(&key) else {
                 places.insert(key, newest.len());
                 newest.push(own);
