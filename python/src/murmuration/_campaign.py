@@ -17,6 +17,7 @@ import pyarrow as pa
 
 from . import _answers as answers
 from . import _archive as archive
+from . import _label_files as label_files
 from . import _tables as tables
 from ._arguments import flag, path, positive, shown, text, whole
 from ._arguments import index as index_
@@ -303,24 +304,61 @@ class Campaign:
         """
         return tables.answers(self._standing())
 
-    def label(self, answers: Mapping[int, str], *, annotator: str) -> None:
+    def label(self, answers: object, *, annotator: str | None = None, columns: Mapping[str, str] | None = None) -> None:
         """Adds answers about individuals: all of them, or none if one is refused.
 
+        Of two answers of one annotator about one individual, the newer one counts. Rows without a class are ignored.
+
         Args:
-            answers: A class, `not sure` or `skip` for each index; 1 to 50,000.
-            annotator: The name of the annotator.
+            answers: A class, `not sure` or `skip` for each index; 1 to 50,000. Or a table (of pandas, polars or
+                pyarrow, or a dict of columns) with the columns of label files (docs/labels.md). Or the path of such a
+                table, of an export of Label Studio (JSON, JSON-MIN or CSV), or of a dataset of FiftyOne
+                (FiftyOneDataset or CSV); or a document that was read from these JSON files.
+            annotator: The name of the annotator; of a table, of the rows that name no annotator.
+            columns: The names of columns or fields of a table, by our names: `index`, `class`, `annotator`, `time` and
+                `seed`. If `index` is the name of a column of pictures, the numbers at the ends of their names count.
 
         Raises:
-            InvalidError: If a class or the annotator's name is not allowed.
+            InvalidError: If a class or the annotator's name is not allowed, or a row does not say which individual it
+                is about. A row has an index, a seed or a controller, or a picture of `label_tasks`; a column `id` of
+                another tool is no index.
             NotFoundError: If an index is not in the archive.
+            OSError: If the file cannot be read.
 
         Example:
             >>> campaign.label({3: "milling", 5: "random"}, annotator="ana")
             >>> campaign.labels()["answer"].to_pylist()
             ['milling', 'random']
         """
-        if not isinstance(answers, Mapping):
-            raise InvalidError.of("answers", type(answers).__name__, "a dict, with an answer for each index")
+        if isinstance(answers, Mapping) and not label_files.is_table(answers):
+            self._answer(answers, annotator)
+            return
+        names = {text("columns", ours): text("columns", name) for ours, name in (columns or {}).items()}
+        words = [] if annotator is None else ["--annotator", text("annotator", annotator)]
+        if label_files.is_file(answers):
+            file = Path(path("answers", answers))
+            if label_files.plain_csv(file, names):
+                try:
+                    self._client.command("label", self.id, "--csv", os.fspath(file), *words)
+                except InvalidError as error:
+                    raise label_files.in_python(error) from None
+                return
+        found = label_files.source(answers)
+        known = label_files.Archive(
+            self.id, lambda: self.gene_names, lambda: archive.individuals(self._client.rpc, self.id)
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            written = Path(folder, "labels.csv")
+            label_files.write(found, names, known, written)
+            try:
+                self._client.command("label", self.id, "--csv", os.fspath(written), *words)
+            except InvalidError as error:
+                raise label_files.explained(found, error, written) from None
+
+    def _answer(self, answers: Mapping[Any, Any], annotator: str | None) -> None:
+        """Adds an answer for each index."""
+        if annotator is None:
+            raise InvalidError.of("annotator", None, "a name")
         annotator = text("annotator", annotator)
         request = label_v1.AppendLabelsRequest(
             campaign=self.id,
