@@ -1,16 +1,18 @@
-"""Answers from tables, Label Studio and FiftyOne."""
+"""Answers from tables, Label Studio and FiftyOne; tasks for them."""
 
 import csv
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd  # type: ignore[import-untyped]
 import polars as pl
 import pyarrow as pa
 import pytest
+from PIL import Image
 
 import murmuration as mm
 from conftest import SPEC
@@ -255,3 +257,51 @@ def test_other_tables_are_refused(campaign: mm.Campaign, tmp_path: Path) -> None
         campaign.label({"index": [3], "class": ["ring"]}, annotator="ana", columns={"frame": "index"})
     with pytest.raises(OSError, match=r"missing.csv"):
         campaign.label(tmp_path / "missing.csv", annotator="ana")
+
+
+def test_tasks_of_label_studio_come_back_as_answers(campaign: mm.Campaign, tmp_path: Path) -> None:
+    file = campaign.label_tasks(tmp_path / "new" / "tasks", indices=[3, 42], classes=["milling", "a & b"])
+    written = json.loads(file.read_text())
+    place = "/data/local-files/?d=tasks/pictures/example-1-00003.png"
+    assert written[0] == {"data": {"image": place, "index": 3, "seed": seed(campaign, 3), "campaign": "example-1"}}
+    picture = np.asarray(Image.open(file.parent / "pictures" / "example-1-00042.png"))
+    assert (picture == campaign.pictures([42])[0]).all()
+    interface = ElementTree.parse(file.parent / "config.xml")  # noqa: S314
+    assert [choice.get("value") for choice in interface.iter("Choice")] == ["milling", "a & b", "not sure"]
+    answered = [task(place, one["data"], annotation("back", "a & b")) for place, one in enumerate(written)]
+    campaign.label(answered)
+    assert answers(campaign, "back") == {3: "a & b", 42: "a & b"}
+
+
+def test_tasks_of_fiftyone_come_back_as_answers(campaign: mm.Campaign, tmp_path: Path) -> None:
+    campaign.label({3: "milling"}, annotator="first")
+    folder = campaign.label_tasks(tmp_path / "set", format="fiftyone", indices=[3, 42])
+    samples = json.loads((folder / "samples.json").read_text())["samples"]
+    assert samples[0]["filepath"] == "data/example-1-00003.png"
+    assert (folder / samples[1]["filepath"]).is_file()
+    assert "milling" in json.loads((folder / "metadata.json").read_text())["info"]["classes"]
+    for one in samples:
+        one["ground_truth"] = {"_cls": "Classification", "label": "ring"}
+    saved(folder, {"samples": samples}, "samples.json")
+    campaign.label(folder, annotator="back again")
+    assert answers(campaign, "back again") == {3: "ring", 42: "ring"}
+
+
+def test_tasks_replace_nothing_unless_forced(campaign: mm.Campaign, tmp_path: Path) -> None:
+    mine = tmp_path / "tasks.json"
+    mine.write_text("mine")
+    for form in ("label-studio", "fiftyone"):
+        with pytest.raises(mm.InvalidError, match="is not empty"):
+            campaign.label_tasks(tmp_path, format=form, indices=[3], classes=["ring"])
+    assert [file.name for file in tmp_path.iterdir()] == ["tasks.json"]
+    assert mine.read_text() == "mine"
+    elsewhere = tmp_path / "elsewhere"
+    mine.rename(elsewhere)
+    mine.symlink_to(elsewhere)
+    campaign.label_tasks(tmp_path, indices=[3], classes=["ring"], url="https://x.org/", force=True)
+    assert json.loads(mine.read_text())[0]["data"]["image"] == "https://x.org/example-1-00003.png"
+    assert elsewhere.read_text() == "mine"
+    with pytest.raises(mm.InvalidError, match="format = 'coco'"):
+        campaign.label_tasks(tmp_path / "new", format="coco", classes=["ring"])
+    with pytest.raises(mm.NotFoundError):
+        campaign.label_tasks(tmp_path / "new", indices=[1000], classes=["ring"])

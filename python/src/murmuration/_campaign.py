@@ -7,7 +7,7 @@ import sys
 import tempfile
 import uuid
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ import pyarrow as pa
 from . import _answers as answers
 from . import _archive as archive
 from . import _label_files as label_files
+from . import _label_tasks as label_tasks
 from . import _tables as tables
 from ._arguments import flag, path, positive, shown, text, whole
 from ._arguments import index as index_
@@ -354,6 +355,56 @@ class Campaign:
                 self._client.command("label", self.id, "--csv", os.fspath(written), *words)
             except InvalidError as error:
                 raise label_files.explained(found, error, written) from None
+
+    def label_tasks(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        format: str = "label-studio",  # noqa: A002
+        indices: Iterable[int] | None = None,
+        classes: Sequence[str] | None = None,
+        url: str | None = None,
+        force: bool = False,
+    ) -> Path:
+        """Writes pictures of individuals as tasks of another tool, whose export `label` reads.
+
+        Args:
+            folder: A new or empty folder.
+            format: `label-studio`: the files `tasks.json` to import, `config.xml` with the interface, and `pictures`.
+                `fiftyone`: a folder that FiftyOne imports as a `FiftyOneDataset`.
+            indices: The individuals' places in the archive; all by default.
+            classes: The classes to choose from, besides `not sure`; by default, the campaign's classes.
+            url: What comes before the names of pictures in the tasks of Label Studio; by default, the address of local
+                files, for a folder within Label Studio's LOCAL_FILES_DOCUMENT_ROOT.
+            force: Whether to replace files of former tasks in the folder. Other files stay.
+
+        Returns:
+            The path of `tasks.json`, or for FiftyOne the folder.
+
+        Raises:
+            InvalidError: If the folder is not empty, the format is unknown, or there are no classes.
+            NotFoundError: If an index is not in the archive.
+            OSError: If the folder cannot be written.
+
+        Example:
+            >>> campaign.label_tasks("tasks", indices=[3, 5], classes=["milling", "random"]).name
+            'tasks.json'
+        """
+        target = Path(path("folder", folder))
+        if classes is None:
+            listed = self._client.rpc.call(
+                "LabelService/ListClasses", label_v1.ListClassesRequest(campaign=self.id), label_v1.ListClassesResponse
+            )
+            classes = [clean(one.name) for one in listed.classes]
+        if isinstance(classes, str) or not classes:
+            raise InvalidError.of("classes", shown(classes), "a list of names, such as ['milling', 'random']")
+        named = [text("classes", one) for one in classes]
+        address = None if url is None else text("url", url)
+        seeds = {one.index: one.seed for one in archive.individuals(self._client.rpc, self.id)}
+        chosen = list(seeds) if indices is None else [index_(one) for one in indices]
+        pictures = self.pictures(chosen)
+        found = list(label_tasks.tasks(self.id, chosen, (seeds[index] for index in chosen), pictures))
+        return label_tasks.write(text("format", format), target, found, named, address, flag("force", force))
 
     def _answer(self, answers: Mapping[Any, Any], annotator: str | None) -> None:
         """Adds an answer for each index."""
