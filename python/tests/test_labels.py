@@ -1,4 +1,4 @@
-"""Answers from tables, Label Studio and FiftyOne; tasks for them."""
+"""Answers from tables, Label Studio and FiftyOne; tasks for them; agreement of annotators."""
 
 import csv
 import json
@@ -305,3 +305,40 @@ def test_tasks_replace_nothing_unless_forced(campaign: mm.Campaign, tmp_path: Pa
         campaign.label_tasks(tmp_path / "new", format="coco", classes=["ring"])
     with pytest.raises(mm.NotFoundError):
         campaign.label_tasks(tmp_path / "new", indices=[1000], classes=["ring"])
+
+
+# Krippendorff, "Computing Krippendorff's alpha-reliability" (2011), part C: four annotators, 12 units, missing answers.
+PUBLISHED = {
+    "A": [1, 2, 3, 3, 2, 1, 4, 1, 2, None, None, None],
+    "B": [1, 2, 3, 3, 2, 2, 4, 1, 2, 5, None, 3],
+    "C": [None, 3, 3, 3, 2, 3, 4, 2, 2, 5, 1, None],
+    "D": [1, 2, 3, 3, 2, 4, 4, 1, 2, 5, 1, None],
+}
+
+
+def test_agreement_of_four_annotators_is_the_published_one(campaign: mm.Campaign) -> None:
+    for name, given in PUBLISHED.items():
+        campaign.label({unit: f"c{one}" for unit, one in enumerate(given) if one}, annotator=name)
+    campaign.label({11: "not sure"}, annotator="A")
+    found = campaign.agreement(list(PUBLISHED))
+    assert found.alpha == pytest.approx(0.743, abs=0.001)
+    assert found.individuals == 11
+    assert found.pairs.slice(0, 1).to_pylist() == [
+        {"first": "A", "second": "B", "both": 9, "agreed": 8, "share": pytest.approx(8 / 9)}
+    ]
+    assert len(found.pairs) == 6
+    assert len(campaign.agreement().pairs) > 6
+
+
+def test_agreement_needs_two_annotators_and_two_classes(campaign: mm.Campaign) -> None:
+    campaign.label({60: "ring", 61: "ring"}, annotator="one")
+    campaign.label({61: "ring", 62: "ring"}, annotator="two")
+    campaign.label({63: "not sure"}, annotator="none")
+    campaign.label({64: "ring"}, annotator="alone")
+    alike = campaign.agreement(["one", "two"])
+    assert (alike.alpha, alike.individuals, alike.pairs["share"].to_pylist()) == (None, 1, [1.0])
+    apart = campaign.agreement(["one", "alone"])
+    assert (apart.alpha, apart.individuals, apart.pairs["share"].to_pylist()) == (None, 0, [None])
+    for names, message in [(["one", "none"], "'none': must be one of"), (["one", "one"], "two or more")]:
+        with pytest.raises(mm.InvalidError, match=message):
+            campaign.agreement(names)

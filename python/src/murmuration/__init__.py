@@ -14,6 +14,7 @@ All results come from a coordinator, over the same contract that the programs us
 
 from typing import TYPE_CHECKING, Any
 
+from ._agreement import Agreement
 from ._campaign import Campaign
 from ._client import Client, connect, local
 from ._errors import (
@@ -42,6 +43,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "FEATURES",
+    "Agreement",
     "AnswerError",
     "BusyError",
     "Campaign",

@@ -20,6 +20,8 @@ from . import _archive as archive
 from . import _label_files as label_files
 from . import _label_tasks as label_tasks
 from . import _tables as tables
+from ._agreement import Agreement
+from ._agreement import agreement as agreement_
 from ._arguments import flag, path, positive, shown, text, whole
 from ._arguments import index as index_
 from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, RefusedError, UnavailableError, clean
@@ -327,8 +329,8 @@ class Campaign:
             OSError: If the file cannot be read.
 
         Example:
-            >>> campaign.label({3: "milling", 5: "random"}, annotator="ana")
-            >>> campaign.labels()["answer"].to_pylist()
+            >>> campaign.label({3: "milling", 5: "random"}, annotator="eve")
+            >>> [label["answer"] for label in campaign.labels().to_pylist() if label["annotator"] == "eve"]
             ['milling', 'random']
         """
         if isinstance(answers, Mapping) and not label_files.is_table(answers):
@@ -420,6 +422,25 @@ class Campaign:
             ],
         )
         self._client.rpc.whole("LabelService/AppendLabels", request, label_v1.AppendLabelsResponse)
+
+    def agreement(self, annotators: Sequence[str] | None = None) -> Agreement:
+        """How well annotators agree, over the individuals to which two or more of them gave a class.
+
+        `pip install 'murmuration[labels]'` installs the library that measures it.
+
+        Args:
+            annotators: The names of two or more annotators; by default, all persons, without the judge `synthetic`.
+
+        Raises:
+            InvalidError: If there are fewer than two annotators, or one of them gave no class.
+
+        Example:
+            >>> campaign.label({0: "milling", 1: "random", 2: "milling"}, annotator="ana")
+            >>> campaign.label({0: "milling", 1: "random", 2: "random"}, annotator="ben")
+            >>> campaign.agreement(["ana", "ben"])
+            Agreement(alpha 0.444 over 3 individuals)
+        """
+        return agreement_(self._standing(), annotators)
 
     def recognise(
         self,

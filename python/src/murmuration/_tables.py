@@ -26,7 +26,7 @@ Column: TypeAlias = "tuple[pa.Field[Any], pa.Array[Any] | pa.ChunkedArray[Any]]"
 # Names of a column's numbers, if they differ from the column's name.
 _NUMBERS_OF = {"embedding": "dimensions of the embedding"}
 # Answers that name no class.
-_NO_CLASS = ("not sure", "skip")
+NO_CLASS = ("not sure", "skip")
 
 
 def matrix(column: pa.ChunkedArray[Any] | pa.Array[Any] | Iterable[Any]) -> npt.NDArray[Any]:
@@ -212,7 +212,7 @@ def generations(summaries: Sequence[v1.GenerationSummary]) -> pa.Table:
 
 def classes_of(standing: Iterable[labels.Label]) -> dict[int, str]:
     """The class of each individual that has a class; if annotators differ, the class given last."""
-    given = (label for label in standing if label.answer.answer not in _NO_CLASS)
+    given = (label for label in standing if label.answer.answer not in NO_CLASS)
     return {label.answer.index: label.answer.answer for label in sorted(given, key=lambda label: label.entry)}
 
 
