@@ -14,6 +14,7 @@ All results come from a coordinator, over the same contract that the programs us
 
 from typing import TYPE_CHECKING, Any
 
+from . import swarmsim
 from ._agreement import Agreement
 from ._campaign import Campaign
 from ._client import Client, connect, local
@@ -64,6 +65,7 @@ __all__ = [
     "connect",
     "local",
     "matrix",
+    "swarmsim",
 ]
 
 
