@@ -121,9 +121,10 @@ def test_label_studios_json_is_read(campaign: mm.Campaign, tmp_path: Path, kind:
         task(7, {"index": 12}, annotation(ana, "ring") | {"was_cancelled": True}),
         task(8, {"image": f"/data/local-files/?d=tasks/{campaign.id}-00042.png"}, annotation(ana, "ring")),
         task(9, {"index": 13}),
+        task(10, {"index": "017", "time": "3.2 s", "annotator": "nobody"}, annotation(ana, "ring")),
     ]
     campaign.label(saved(tmp_path, export) if kind == "file" else export)
-    assert answers(campaign, email) == {3: "milling", 9: "random", 11: "milling", 42: "ring"}
+    assert answers(campaign, email) == {3: "milling", 9: "random", 11: "milling", 17: "ring", 42: "ring"}
 
 
 def test_label_studios_flat_exports_are_read(campaign: mm.Campaign, tmp_path: Path) -> None:
@@ -146,6 +147,9 @@ def test_a_number_of_a_task_is_no_index(campaign: mm.Campaign, tmp_path: Path) -
             campaign.label(export)
         campaign.label(export, columns={"index": "image"})
         assert answers(campaign, "raw") == {3: "milling"}
+    twice = [rows[0] | {"image": "/data/2-00003.png", "choice": "random"}, *rows]
+    with pytest.raises(mm.InvalidError, match="row 0 and row 1: one annotator has two answers about 3"):
+        campaign.label(pd.DataFrame(twice), columns={"index": "image"})
     # Without a sign of another tool, the command says so.
     plain = table(tmp_path, [{"id": 4, "class": "ring", "annotator": "raw", "image": "/data/1-00003.png"}])
     with pytest.raises(mm.InvalidError, match=r'`columns={"index": "image"}` takes the numbers'):
@@ -246,7 +250,10 @@ def test_other_tables_are_refused(campaign: mm.Campaign, tmp_path: Path) -> None
         ("index,class\n3,Mühle\n".encode("utf-16"), "the text is UTF-16"),
         (b"index;class\n3;ring\n", "save the file with commas"),
         (b"index,choice,annotation_id\n3,ring\n", "line 2: the row has other cells"),
-        ("index,choice\n3,Mühle\n".encode("cp1252"), "UTF-8"),
+        ("index,choice\n3,Mühle\n".encode("cp1252"), "line 2: the text is not UTF-8"),
+        (b"index,choice\r3,ring\r" * 9_000 + "4,Mühle\r".encode("cp1252"), "line 18001: the text is not UTF-8"),
+        ("index,choice\n3,Mühle\n".encode("utf-16-le"), "the text is UTF-16"),
+        (b"index,choice,choice\n3,ring,ring\n", "more than one column 'choice'"),
     ]:
         file.write_bytes(content)
         with pytest.raises(mm.InvalidError, match=message):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import datetime
+import io
 import json
 import os
 import re
@@ -34,7 +35,8 @@ _USUAL = {
 _USUAL_CLASSES = ("choice", "label", "ground_truth", "ground_truth.label")
 # Columns that only Label Studio's exports have: its column `id` has numbers of tasks.
 _OF_LABEL_STUDIO = ("annotation_id", "lead_time")
-_PICTURE_NUMBER = re.compile(r"(\d+)\.[A-Za-z]+$")
+_WHOLE = re.compile(r"^\+?([0-9]+)(?:\.0+)?$")
+_PICTURE_NUMBER = re.compile(r"([0-9]+)\.[A-Za-z]+$")
 _MOST_BYTES = 256 << 20
 _READ = "a table, or an export of Label Studio (JSON, JSON-MIN or CSV) or FiftyOne (a FiftyOneDataset or CSV)"
 
@@ -96,7 +98,8 @@ def plain_csv(file: Path, columns: Mapping[str, str]) -> bool:
             header = [name.strip() for name in next(csv.reader(lines), [])]
     except (UnicodeDecodeError, csv.Error):
         return True
-    if len(header) < 2:
+    # Columns that are not separated by commas, or a text in UTF-16.
+    if len(header) < 2 or any("\0" in name for name in header):
         return True
     has = set(header)
     # A column with one of our names says more than a column with another tool's name.
@@ -224,7 +227,10 @@ class _Individuals:
             raise self._found.error(place, f"campaign = {shown(campaign)}: must be {self._archive.campaign}")
         given = _cell(row.get(self._names["index"]))
         if given:
-            number = _PICTURE_NUMBER.search(given) if self._names["index"] != "index" else None
+            number = _WHOLE.search(given)
+            if not number and self._names["index"] != "index":
+                number = _PICTURE_NUMBER.search(given)
+            # An index has one text, so that the command finds two answers about it.
             return str(int(number[1])) if number else given
         if found := self._described(place, row, seed):
             return found
@@ -285,9 +291,10 @@ def _of_tasks(name: str, tasks: Sequence[Mapping[str, Any]]) -> Source:
             if not isinstance(annotation, Mapping) or annotation.get("was_cancelled"):
                 continue
             row = dict(data) if isinstance(data, Mapping) else {}
+            # Fields of the task's data are no annotator and no time.
+            for field in ("annotator", "time", "last_modified_at"):
+                row.pop(field, None)
             row |= {key: annotation.get(key) for key in ("completed_by", "created_at", "updated_at")}
-            # A field of the task's data is no annotator.
-            row.pop("annotator", None)
             for result in annotation.get("result") or ():
                 if isinstance(result, Mapping) and result.get("type") == "choices":
                     control = str(result.get("from_name"))
@@ -315,15 +322,17 @@ def _of_samples(name: str, samples: Sequence[Any]) -> Source:
 
 
 def _of_csv(file: Path) -> Source:
+    rows, places = [], []
     try:
-        with file.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.DictReader(lines)
-            rows, places = [], []
-            for row in reader:
-                if None in row or None in row.values():
-                    raise InvalidError(f"{file}, line {reader.line_num}: the row has other cells than the header")
-                rows.append({column.strip(): cell for column, cell in row.items()})
-                places.append(f"line {reader.line_num}")
+        reader = csv.DictReader(io.StringIO(_text(file), newline=""))
+        header = [name.strip() for name in reader.fieldnames or ()]
+        if repeated := [name for place, name in enumerate(header) if name in header[:place]]:
+            raise InvalidError(f"{file}, line 1: there is more than one column {repeated[0]!r}")
+        for row in reader:
+            if None in row or None in row.values():
+                raise InvalidError(f"{file}, line {reader.line_num}: the row has other cells than the header")
+            rows.append({column.strip(): cell for column, cell in row.items()})
+            places.append(f"line {reader.line_num}")
     except csv.Error as error:
         raise InvalidError(f"{file}: {error}") from None
     return _flat(os.fspath(file), rows, places)
@@ -355,13 +364,21 @@ def _flat(name: str, rows: list[Row], places: list[str]) -> Source:
     return Source(name, rows, places, is_of_label_studio=is_of_label_studio)
 
 
-def _json(file: Path) -> Any:  # noqa: ANN401
+def _text(file: Path) -> str:
     if file.stat().st_size > _MOST_BYTES:
         raise InvalidError(f"{file} has more than {_MOST_BYTES >> 20} MiB")
+    content = file.read_bytes()
     try:
-        return json.loads(file.read_bytes().decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise InvalidError(f"{file} is not a text in UTF-8: save the file as UTF-8") from None
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = len(re.findall(rb"\r\n|\r|\n", content[: error.start])) + 1
+        raise InvalidError(f"{file}, line {line}: the text is not UTF-8: save the file as UTF-8") from None
+
+
+def _json(file: Path) -> Any:  # noqa: ANN401
+    text = _text(file)
+    try:
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InvalidError(f"{file} is not JSON: {error}") from None
 
