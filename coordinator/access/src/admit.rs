@@ -2,7 +2,7 @@
 //! from, and the credentials that its route requires.
 
 use super::{
-    Access, OneTimeCodes, PresentedCredentials, Refusal, Role, Sessions,
+    Access, OneTimeCodes, PresentedCredentials, PublicUrl, Refusal, Role, Sessions,
     machine::{self, ByCertificate, Certificate},
     origin::{self, Asked, Hosts},
     requirement::{Requirement, Requirements},
@@ -53,6 +53,8 @@ pub struct Endpoint {
     pub hosts: Hosts,
     /// Whether the endpoint's connections are encrypted.
     pub is_encrypted: bool,
+    /// Where a proxy serves the endpoint's pages, if one does.
+    pub public: Option<PublicUrl>,
     pub show_refusal: ShowRefusal,
 }
 
@@ -240,7 +242,13 @@ impl Endpoint {
         if !has_room_for_headers(request) {
             return Err(Refusal::Headers);
         }
-        origin::check(self.hosts, self.is_encrypted, asked, request)?;
+        origin::check(
+            self.hosts,
+            self.is_encrypted,
+            self.public.as_ref(),
+            asked,
+            request,
+        )?;
         let connection = request.extensions().get::<TlsConnectInfo<ConnectionHandle>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
         let presented = PresentedCredentials {
@@ -373,6 +381,7 @@ mod tests {
             sessions: Sessions::kept(folder.path(), &own, |_| true).unwrap(),
             hosts: Hosts::Any,
             is_encrypted: false,
+            public: None,
             show_refusal: |refusal, _| (StatusCode::IM_A_TEAPOT, refusal.to_string()).into_response(),
         };
         let seats = Seats::new(&[]);

@@ -1,6 +1,6 @@
 //! The address at which a coordinator listens, its encryption, and its access rules.
 
-use super::{Access, ClassSeats, Hosts, LocalToken, Seats, Tls, TlsError, Tokens, self_signed};
+use super::{Access, ClassSeats, Hosts, LocalToken, PublicUrl, Seats, Tls, TlsError, Tokens, self_signed};
 use std::{
     net::{Ipv4Addr, SocketAddr},
     path::Path,
@@ -13,6 +13,7 @@ pub struct ListenConfig {
     encryption: Encryption,
     people: People,
     seats: Seats,
+    public: Option<PublicUrl>,
 }
 
 #[derive(Debug)]
@@ -56,6 +57,7 @@ impl ListenConfig {
             },
             people: People::Holders(tokens.unwrap_or_default()),
             seats: Seats::new(&[]),
+            public: None,
         }
     }
 
@@ -68,7 +70,19 @@ impl ListenConfig {
             encryption: tls.map_or(Encryption::Nothing, Encryption::Certificate),
             people: tokens.map_or(People::Everybody, People::Holders),
             seats: Seats::new(&[]),
+            public: None,
         }
+    }
+
+    /// Serves the pages at `public` too, through a proxy.
+    #[must_use]
+    pub fn with_public_url(mut self, public: Option<PublicUrl>) -> Self {
+        self.public = public;
+        self
+    }
+
+    pub const fn public_url(&self) -> Option<&PublicUrl> {
+        self.public.as_ref()
     }
 
     /// Replaces the default seats of the classes in `changed`.

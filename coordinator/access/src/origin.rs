@@ -4,7 +4,7 @@
 //! Browsers state truthfully the host and the page of a request, and send gRPC's content type to another site only after that
 //! site has agreed. Other programs can state anything, so passing these checks grants nothing.
 
-use super::{Access, Refusal};
+use super::{Access, PublicUrl, Refusal};
 use axum::{
     extract::Request,
     http::{
@@ -64,16 +64,19 @@ impl Hosts {
 }
 
 /// Refuses a request that a page of another site may have sent. A request that changes something must come from a page of the
-/// same host. A gRPC request must not come from a page.
+/// same host, or of the `public` URL: a proxy need not pass on the host that the browser named. A gRPC request must not come from a
+/// page.
 pub(super) fn check(
     hosts: Hosts,
     is_encrypted: bool,
+    public: Option<&PublicUrl>,
     asked: Asked,
     request: &Request,
 ) -> Result<(), Refusal> {
     let headers = request.headers();
     let host = named_host(request.uri(), headers)?;
-    if !hosts.has(host.as_ref(), asked) {
+    let is_public = |host: &Authority| public.is_some_and(|public| public.authority() == host);
+    if !hosts.has(host.as_ref(), asked) && !host.as_ref().is_some_and(is_public) {
         return Err(Refusal::Host);
     }
     let looks = [Method::GET, Method::HEAD].contains(request.method());
@@ -81,7 +84,11 @@ pub(super) fn check(
     let from_here = match asked {
         Asked::Method | Asked::NoService => origins.peek().is_none(),
         Asked::Page if origins.peek().is_none() => looks,
-        Asked::Page => origins.all(|origin| is_same(origin, host.as_ref(), is_encrypted)),
+        Asked::Page => origins.all(|origin| {
+            let is_public =
+                |public: &PublicUrl| is_same(origin, Some(public.authority()), public.is_encrypted());
+            is_same(origin, host.as_ref(), is_encrypted) || public.is_some_and(is_public)
+        }),
     };
     if !from_here {
         return Err(Refusal::Origin);
@@ -149,7 +156,13 @@ mod tests {
             for (name, value) in headers {
                 request = request.header(*name, *value);
             }
-            check(self.0, self.1, self.2, &request.body(Body::empty()).unwrap())
+            check(
+                self.0,
+                self.1,
+                None,
+                self.2,
+                &request.body(Body::empty()).unwrap(),
+            )
         }
 
         fn allows(&self, method: &Method, headers: &[(&str, &str)]) -> bool {
@@ -196,6 +209,22 @@ mod tests {
             ),
             Err(Refusal::Origin)
         );
+    }
+
+    #[test]
+    fn pages_of_the_public_url_are_our_own_whatever_host_the_proxy_names() {
+        let public = "https://hub.example/user/ana".parse().unwrap();
+        let allowed = |host: &str, origin: &str| {
+            let request = Request::post("/").header("host", host).header("origin", origin);
+            let request = request.body(Body::empty()).unwrap();
+            check(Hosts::ThisMachine, false, Some(&public), Asked::Page, &request).is_ok()
+        };
+        assert!(allowed("127.0.0.1:7700", "https://hub.example"));
+        assert!(allowed("hub.example", "https://hub.example"));
+        assert!(allowed("127.0.0.1:7700", "http://127.0.0.1:7700"));
+        assert!(!allowed("127.0.0.1:7700", "http://hub.example"));
+        assert!(!allowed("127.0.0.1:7700", "https://evil.example"));
+        assert!(!allowed("evil.example", "https://hub.example"));
     }
 
     #[test]

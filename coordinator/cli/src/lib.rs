@@ -322,7 +322,7 @@ impl DataCommand {
 #[derive(Debug, Subcommand)]
 pub enum ClusterCommand {
     /// Run a coordinator for workers, trainers and browsers
-    Serve(serve::Serve),
+    Serve(Box<serve::Serve>),
     /// List the workers and trainers, and how many are wanted
     Nodes(nodes::Nodes),
     /// Print a link that logs a browser in to a coordinator's pages

@@ -8,7 +8,7 @@ use super::{
     run::{InProcessArgs, hold_within},
 };
 use clap::builder::BoolishValueParser;
-use murmuration_access::{ClassSeats, ListenConfig, Tls, Tokens};
+use murmuration_access::{ClassSeats, ListenConfig, PublicUrl, Tls, Tokens};
 use murmuration_coordinator::{
     local::LocalCluster,
     server::{MirrorOptions, Options, Publication},
@@ -44,6 +44,9 @@ pub struct Serve {
         value_parser = listen_address
     )]
     listen: SocketAddr,
+    /// URL at which a proxy serves the pages, such as https://hub.example/user/ana/proxy/7700 of JupyterHub
+    #[arg(long, env = "MURMURATION_PUBLIC_URL", value_name = "URL")]
+    public_url: Option<PublicUrl>,
     /// Certificate of the coordinator, followed by intermediate certificates (PEM); turns encryption on
     #[arg(long, env = "MURMURATION_CERTIFICATE", value_name = "FILE", requires = "key")]
     certificate: Option<PathBuf>,
@@ -185,7 +188,9 @@ impl Serve {
             true => ListenConfig::trusting(self.listen, tls, tokens),
             false => ListenConfig::new(self.listen, tls, tokens),
         };
-        Ok(listen.with_seats(&self.seats))
+        Ok(listen
+            .with_seats(&self.seats)
+            .with_public_url(self.public_url.clone()))
     }
 
     fn say_how_to_reach(&self, global: &Global, access: &AccessFile) -> Result<(), CliError> {

@@ -74,6 +74,7 @@ impl Shared<'_> {
             codes: self.codes.clone(),
             hosts,
             is_encrypted,
+            public: None,
             show_refusal: web::show_refusal,
         }
     }
@@ -103,7 +104,10 @@ impl Served {
         };
         let permits = ConnectionPermits::of_this_process();
         let hosts = config.hosts(&access);
-        let endpoint = shared.endpoint(access, hosts, tls.is_some());
+        let endpoint = Endpoint {
+            public: config.public_url().cloned(),
+            ..shared.endpoint(access, hosts, tls.is_some())
+        };
         let mut servers =
             vec![self.at(listener, tls.as_ref().map(Tls::config), endpoint, permits.clone())?];
         let local = if is_open {
@@ -124,10 +128,13 @@ impl Served {
         let published = match &options.publication {
             Some(publication) => {
                 let pages = publication.url(address, tls.is_some());
-                let (access, server) = self
+                let (mut access, server) = self
                     .published(&shared, pages, address.ip(), tls, is_open, permits)
                     .await?;
                 servers.extend(server);
+                if let Some(public) = config.public_url() {
+                    access.pages = public.to_string();
+                }
                 Some(access)
             }
             None => None,

@@ -9,6 +9,7 @@ mod archived;
 mod asked;
 mod assets;
 mod atlas;
+mod behind_proxy;
 mod classes;
 mod delete;
 mod downloads;
@@ -102,11 +103,15 @@ pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> Guard
 
 /// Serves the routes at an endpoint.
 pub fn behind(routes: GuardedRouter, endpoint: Arc<Endpoint>, seats: Seats) -> Routes {
-    routes
+    let public = endpoint.public.clone();
+    let pages = routes
         .behind(endpoint.clone(), seats, nowhere)
         .layer(middleware::from_fn_with_state(endpoint, guard::protect))
-        .layer(middleware::from_fn(requests::named))
-        .into()
+        .layer(middleware::from_fn(requests::named));
+    match public {
+        Some(public) => behind_proxy::under(pages, public).into(),
+        None => pages.into(),
+    }
 }
 
 /// Renders a refusal, as a page or a line of text.

@@ -1,4 +1,5 @@
 // The Atlas page: the map of all controllers, and the motion of the chosen controller.
+import { base } from "./base.js";
 import { archived, get, insist, path } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { isForPage } from "./keys.js";
@@ -85,7 +86,7 @@ function switches(atlas) {
     const { at, ...seen } = atlas.seen();
     const address = new URLSearchParams({ ...seen, slider: axis });
     if (at) address.set("at", at.join());
-    location.assign(`/campaigns/${to.id}/atlas#${address}`);
+    location.assign(`${base}/campaigns/${to.id}/atlas#${address}`);
   };
   const sliders = [...others.querySelectorAll("input")];
   for (const slider of sliders) {

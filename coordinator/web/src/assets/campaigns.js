@@ -1,4 +1,5 @@
 // The list of campaigns: requests searches, and restores choices and unfolded studies when the coordinator sends the list again.
+import { base } from "./base.js";
 import { attend } from "./live.js";
 
 const KEPT = "murmuration.campaigns";
@@ -23,7 +24,7 @@ const keep = () => sessionStorage.setItem(KEPT, JSON.stringify({ chosen: [...cho
 function look() {
   const query = new URLSearchParams(new FormData(find));
   history.replaceState(null, "", `/?${query}`);
-  list.dataset.live = `/events?${query}`;
+  list.dataset.live = `${base}/events?${query}`;
   attend(list);
 }
 

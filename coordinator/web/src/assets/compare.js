@@ -1,4 +1,5 @@
 // "What is this like?" on the page Play: the individuals of a campaign nearest to the swarm.
+import { base } from "./base.js";
 import { reply } from "./coordinator.js";
 import { sentence } from "./words.js";
 
@@ -38,7 +39,7 @@ export class Comparison {
     const body = new URLSearchParams(this.query());
     body.set("campaign", this.campaign.value);
     try {
-      const answer = await reply(fetch("/play/like", { method: "POST", body, signal: asked.signal }));
+      const answer = await reply(fetch(`${base}/play/like`, { method: "POST", body, signal: asked.signal }));
       const found = await answer.text();
       if (this.asked !== asked) return;
       this.tell("");

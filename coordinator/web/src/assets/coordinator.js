@@ -1,4 +1,5 @@
 // Requests to the coordinator, and their errors.
+import { base } from "./base.js";
 import { heard, listen } from "./events.js";
 
 // The coordinator refused the request: a retry would not help.
@@ -15,7 +16,7 @@ export async function reply(request) {
   if (response.ok) return response;
   const why = await received(response.text());
   // The session has ended. This browser keeps unsent answers until the next log-in.
-  if (response.status === 401) location.assign(`/login?to=${encodeURIComponent(location.pathname + location.search)}`);
+  if (response.status === 401) location.assign(`${base}/login?to=${encodeURIComponent(location.pathname + location.search)}`);
   // A different log-in can have the needed role, so that a retry can help.
   if (response.status >= 500 || [401, 403, 429].includes(response.status)) throw new Unavailable(why);
   throw new Refused(why);
@@ -43,7 +44,7 @@ const { campaign, created } = document.querySelector("main").dataset;
 // Prefix for this campaign's keys in the browser's storage. Another campaign with the same id has another prefix.
 export const keptAs = `murmuration.${campaign}@${created}`;
 
-export const path = (rest) => `/campaigns/${campaign}/${rest}`;
+export const path = (rest) => `${base}/campaigns/${campaign}/${rest}`;
 
 // The address of a picture or motion of an individual, which never changes. No other campaign has the same address.
 export const archived = (rest) => `individuals/${rest}?created=${created}`;

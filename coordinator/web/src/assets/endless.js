@@ -1,4 +1,5 @@
 // Plays the motion of a swarm without an end, with the controls of a player.
+import { base } from "./base.js";
 import { Unavailable } from "./coordinator.js";
 import { Pieces, draw } from "./pieces.js";
 import { Playback, STEPS_A_SECOND } from "./playback.js";
@@ -11,7 +12,7 @@ const LEFT_MS = 400;
 // The player of a motion without an end. `state.query()` selects the swarm, and `state.shown()` returns what drawing its robots
 // needs. `status` is the line for errors, and `url` is the address of the pieces of the motion.
 export class Endless extends Playback {
-  constructor(player, state, status, url = "/play/motion") {
+  constructor(player, state, status, url = `${base}/play/motion`) {
     super(player, { speed: player.querySelector(".speed") });
     this.state = state;
     this.status = status;

@@ -1,4 +1,5 @@
 // The page Play: a person sets a controller, and watches the swarm.
+import { base } from "./base.js";
 import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
 import { actionOf, isForPage } from "./keys.js";
@@ -83,7 +84,7 @@ function playground() {
   }
   for (const choice of root.querySelectorAll("select[data-gene]")) choice.addEventListener("change", () => changed(seen()));
   at("search").addEventListener("submit", (event) => {
-    at("search").action = `/play/search?${state.query()}`;
+    at("search").action = `${base}/play/search?${state.query()}`;
     if (!isValid()) event.preventDefault();
   });
   at("seed").addEventListener("input", () => changed(0));

@@ -1,5 +1,6 @@
 // The medoids on a study's page: a click on a medoid plays its motion, and people give medoids other classes.
 import { annotator, introduced } from "./annotator.js";
+import { base } from "./base.js";
 import { insist, reply } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { complain } from "./outbox.js";
@@ -24,7 +25,7 @@ function play(endless, card) {
   const { width, height } = state.swarm.world;
   endless.canvas.parentElement.style.aspectRatio = `${width} / ${height}`;
   endless.button.disabled = false;
-  endless.pieces.url = `/campaigns/${campaign}/pieces`;
+  endless.pieces.url = `${base}/campaigns/${campaign}/pieces`;
   for (const other of root.querySelectorAll(".played")) other.classList.remove("played");
   card.classList.add("played");
   endless.begin(0);

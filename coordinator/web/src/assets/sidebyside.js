@@ -1,10 +1,11 @@
 // The page of campaigns side by side: the campaigns' curves in shared charts.
+import { base } from "./base.js";
 import { Chart } from "./chart.js";
 import { insist, reply } from "./coordinator.js";
 import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
 
 const ids = [...document.querySelectorAll(".compared [data-campaign]")].map(({ dataset }) => dataset.campaign);
-const ask = async (id, what) => (await reply(fetch(`/campaigns/${id}/${what}`))).json();
+const ask = async (id, what) => (await reply(fetch(`${base}/campaigns/${id}/${what}`))).json();
 
 // Puts lines with different places on one axis. At a place where only other lines have values, a line keeps its previous value.
 function over(lines) {

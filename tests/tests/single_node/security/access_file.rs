@@ -2,7 +2,7 @@
 
 use murmuration_tests::{Finished, Murmuration, Running, binary, block_on, http::client, small_spec};
 use serde_json::Value;
-use std::{fs, path::PathBuf, process::Command};
+use std::{fs, net::TcpListener, path::PathBuf, process::Command};
 use tempfile::TempDir;
 
 /// A data directory whose coordinators require their owner's token, as without options.
@@ -98,6 +98,14 @@ fn browse(url: &str, cookie: &str) -> (u16, String) {
     })
 }
 
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port()
+}
+
 #[test]
 fn loopback_is_no_proof_of_identity() {
     let owner = Owner::new();
@@ -148,6 +156,51 @@ fn a_link_logs_a_browser_in_once() {
     assert_eq!(browse(&unused, "").0, 401);
     assert!(!serving.output().contains("code="));
     assert_eq!(serving.terminate(), Some(0));
+}
+
+#[test]
+fn a_proxy_serves_the_pages_under_a_path_of_its_own() {
+    let owner = Owner::new();
+    let public = "https://hub.example/user/ana/proxy/7700";
+    let path = "/user/ana/proxy/7700";
+    let listen = format!("127.0.0.1:{}", free_port());
+    let (_serving, _) = owner.serve(&["--listen", &listen, "--public-url", public]);
+    assert_eq!(owner.access()["pages"], public);
+    let link = owner.murmuration.run(&["link"]).stdout;
+    let code = link.trim().strip_prefix(&format!("{public}/open?code=")).unwrap();
+    // This test is the proxy, which leaves the path in the request or removes it.
+    let own = format!("http://{listen}");
+    let (status, cookie) = browse(&format!("{own}{path}/open?code={code}"), "");
+    assert_eq!(status, 200);
+    for page in [format!("{own}{path}/"), format!("{own}/")] {
+        let text = block_on(async {
+            let asked = client().build().unwrap().get(&page).header("cookie", &cookie);
+            asked.send().await.unwrap().text().await.unwrap()
+        });
+        assert!(text.contains(&format!("href=\"{path}/new\"")), "{text}");
+        let outside = text
+            .split("=\"/")
+            .skip(1)
+            .filter(|rest| !format!("/{rest}").starts_with(path));
+        assert_eq!(outside.count(), 0, "{text}");
+    }
+    let log_out = |origin: &str| {
+        block_on(async {
+            let browser = client()
+                .redirect(reqwest::redirect::Policy::none())
+                .build()
+                .unwrap();
+            let asked = browser.post(format!("{own}/logout")).header("cookie", &cookie);
+            let answer = asked.header("origin", origin).send().await.unwrap();
+            let to = answer
+                .headers()
+                .get("location")
+                .map(|to| to.to_str().unwrap().to_owned());
+            (answer.status().as_u16(), to)
+        })
+    };
+    assert_eq!(log_out("https://evil.example").0, 403);
+    assert_eq!(log_out("https://hub.example"), (303, Some(format!("{path}/"))));
 }
 
 #[test]
