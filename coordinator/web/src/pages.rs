@@ -169,6 +169,7 @@ impl Slots {
                         ul.notices { @for notice in &status.notices { li { (notice.text) } } }
                     }
                 }
+                (extension(&status.record))
             },
         }
     }
@@ -205,7 +206,6 @@ fn figures(status: &CampaignStatus) -> Markup {
             }
             (delete::button(&status.record))
         }
-        (extension(&status.record))
         // The figures come last, because their list becomes shorter when the campaign ends.
         (facts(status))
     }

@@ -409,7 +409,7 @@ mod tests {
         assert_eq!(answers(&[&ring, "3,clump,ben,", &ring]).unwrap().len(), 2);
         for twice in [
             ["3,ring,ana,", "3,clump,ana,"],
-            ["3,ring,ana,", "03,clump,ana,"],
+            ["03,ring,ana,", "3,clump,ana,"],
             [&ring, &ring.replace("ring", "clump")],
         ] {
             let refused: Result<_, String> = answers(&twice);

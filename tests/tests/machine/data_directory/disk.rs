@@ -132,14 +132,14 @@ pub fn a_read_only_disk_can_be_read() {
         vec!["show", "latest", "--taxonomy"],
         vec!["doctor"],
         vec!["report", "latest", "--out", &report],
-        vec!["export", "latest", "--out", &export],
+        vec!["export", "latest", &export],
     ] {
         let read = murmuration.run(&command);
         assert_eq!(read.code, Some(0), "{command:?}: {}", read.stderr);
     }
     for command in [
         vec!["label", "latest", "--csv", &file],
-        vec!["delete", "latest", "--yes"],
+        vec!["delete", "small-1", "--yes"],
         vec!["resume", "latest"],
     ] {
         let refused = murmuration.run(&command);
