@@ -19,7 +19,8 @@ const VALUES: [(&str, &str); 4] = [
 ];
 
 /// Other fields whose form in a campaign file differs from their type, each with its module.
-const FIELDS: [(&str, &str); 9] = [
+const FIELDS: [(&str, &str); 10] = [
+    ("Sensor.sees", "crate::toml_forms::sees"),
     ("StartShape.poses", "crate::toml_forms::poses"),
     ("CampaignSpec.training", "crate::toml_forms::training"),
     ("Feedback.recipe", "crate::toml_forms::recipe"),

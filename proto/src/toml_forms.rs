@@ -117,6 +117,41 @@ pub(crate) mod method {
     }
 }
 
+/// `sees = ["robots", "walls"]`, or `sees = "predator"` for one kind.
+pub(crate) mod sees {
+    use serde::{
+        Deserializer, Serialize as _, Serializer,
+        de::{SeqAccess, Visitor, value::SeqAccessDeserializer},
+    };
+    use std::fmt;
+
+    struct OneOrMore;
+
+    impl<'de> Visitor<'de> for OneOrMore {
+        type Value = Vec<String>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("what the sensor sees, such as \"robots\", or a list of such texts")
+        }
+
+        fn visit_str<E>(self, name: &str) -> Result<Vec<String>, E> {
+            Ok(vec![name.to_owned()])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, names: A) -> Result<Vec<String>, A::Error> {
+            serde::Deserialize::deserialize(SeqAccessDeserializer::new(names))
+        }
+    }
+
+    pub(crate) fn serialize<S: Serializer>(names: &[String], serializer: S) -> Result<S::Ok, S::Error> {
+        names.serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+        deserializer.deserialize_any(OneOrMore)
+    }
+}
+
 /// `crop = [0.7, 1.3]`.
 pub(crate) mod pair {
     use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};

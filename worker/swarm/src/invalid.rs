@@ -1,7 +1,7 @@
 //! The error of validation: the field, its value, and the allowed values.
 
 use crate::in_full;
-use std::{borrow::Cow, fmt::Display, ops::RangeInclusive};
+use std::{borrow::Cow, f64::consts::TAU, fmt::Display, ops::RangeInclusive};
 
 /// Maximum number of characters of a value that an error shows: enough for several numbers in full.
 const SHOWN_CHARS: usize = 240;
@@ -76,6 +76,17 @@ pub(crate) fn real(field: &str, value: f64, range: RangeInclusive<f64>) -> Resul
     }
     let allowed = format!("a number from {} to {}", range.start(), range.end());
     Err(Invalid::new(field, in_full(value), allowed))
+}
+
+/// An angle in radians if it is in `range`. The error about a number that can only be degrees says what it is in radians.
+pub(crate) fn angle(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, Invalid> {
+    let looks_like_degrees = (TAU..=360.0).contains(&value.abs());
+    real(field, value, range).map_err(|mut refused| {
+        if looks_like_degrees {
+            refused.allowed += &format!(", in radians: {value} degrees are {:.4}", value.to_radians());
+        }
+        refused
+    })
 }
 
 /// `value` if it is over 0 and at most `most`.

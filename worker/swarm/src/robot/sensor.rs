@@ -143,7 +143,7 @@ impl TryFrom<SensorDescription> for Sensor {
             let check = |range| invalid::positive(field, range, Self::MAX_RANGE);
             range.map(check).transpose()
         };
-        let half_angle = invalid::real("half_angle", described.half_angle, 0.0..=PI)?;
+        let half_angle = invalid::angle("half_angle", described.half_angle, 0.0..=PI)?;
         let robot_range = range("range", described.range)?;
         let own_wall_range = range("wall_range", described.wall_range)?;
         let wall_range = match (described.sees.contains(&Seen::Walls), own_wall_range) {
@@ -293,7 +293,7 @@ impl SensorAngle {
 
 /// Negative zero becomes zero, so that equal angles have equal bits.
 fn checked(field: &str, angle: f64) -> Result<f64, Invalid> {
-    Ok(invalid::real(field, angle, -TAU..=TAU)? + 0.0)
+    Ok(invalid::angle(field, angle, -TAU..=TAU)? + 0.0)
 }
 
 impl FromStr for Seen {

@@ -54,6 +54,10 @@ fn what_a_sensor_cannot_be_is_named() {
         sensor(cone(3.2)),
         "half_angle = 3.2: must be a number from 0 to 3.141592653589793",
     );
+    refused(
+        sensor(cone(45.0)),
+        "half_angle = 45: must be a number from 0 to 3.141592653589793, in radians: 45 degrees are 0.7854",
+    );
     assert!(sensor(cone(PI)).is_ok());
     let range = SensorDescription {
         range: Some(0.0),
@@ -324,5 +328,23 @@ fn every_preset_is_a_robot_and_is_found_by_its_name() {
     refused(
         "three".parse::<Preset>(),
         "model = \"three\": must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\"",
+    );
+}
+
+#[test]
+fn one_kind_of_things_to_see_needs_no_list() {
+    let read = |sees: &str| {
+        let text = format!(
+            "method = \"random\"\n[[species]]\nname = \"prey\"\ncount = 3\nrobot.sensors = [{{ sees = {sees} }}]\n\
+             [[species]]\nname = \"predator\"\ncount = 2\nmodel = \"single-sensor\"\n"
+        );
+        crate::CampaignSpec::from_toml(&text).map(|spec| spec.model().clone())
+    };
+    assert_eq!(read("\"predator\"").unwrap(), read("[\"predator\"]").unwrap());
+    assert!(
+        read("3")
+            .unwrap_err()
+            .to_string()
+            .contains("what the sensor sees, such as \"robots\"")
     );
 }

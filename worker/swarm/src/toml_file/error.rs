@@ -220,6 +220,19 @@ fn without_places(section: &str) -> String {
     })
 }
 
+/// Names that other simulators give to fields, and those fields.
+const ELSEWHERE: [(&str, &str); 9] = [
+    ("fov", "half_angle"),
+    ("field_of_view", "half_angle"),
+    ("view_angle", "half_angle"),
+    ("cone", "half_angle"),
+    ("bearing", "angle"),
+    ("direction", "angle"),
+    ("distance", "range"),
+    ("max_range", "range"),
+    ("detects", "sees"),
+];
+
 /// The section where a misplaced field belongs, or the field that may have been meant.
 fn meant(name: &str, inner: &[String], known: &[&str]) -> Option<String> {
     let homes = |name: &str| {
@@ -230,6 +243,12 @@ fn meant(name: &str, inner: &[String], known: &[&str]) -> Option<String> {
     let near = |known: &mut dyn Iterator<Item = &str>| nearest(name, known).map(str::to_owned);
     if let Some(homes) = homes(name) {
         return Some(format!("it belongs {homes}."));
+    }
+    let elsewhere = ELSEWHERE
+        .iter()
+        .find(|(other, meant)| *other == name && known.contains(meant));
+    if let Some((_, meant)) = elsewhere {
+        return Some(format!("here it is `{meant}`."));
     }
     if let Some(meant) = near(&mut known.iter().copied()) {
         return Some(format!("did you mean `{meant}`?"));

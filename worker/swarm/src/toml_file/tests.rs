@@ -124,6 +124,10 @@ fn a_line_that_nobody_reads_is_not_repeated() {
 fn an_unknown_field_is_told_what_may_have_been_meant() {
     check("sed = 1", "unknown field `sed`: did you mean `seed`?");
     check(
+        "[robot]\nsensors = [{ fov = 0.4 }]",
+        "in [robot.sensors]: here it is `half_angle`.",
+    );
+    check(
         "[search]\npopluation = 5",
         "in [search]: did you mean `population`? [search] has",
     );
@@ -175,8 +179,8 @@ fn a_list_that_is_none_is_told_what_a_list_is() {
         "search.population must be a whole number, 0 or more, not a list",
     );
     check(
-        "[robot]\nsensors = [{ sees = \"walls\" }]",
-        "robot.sensors[0].sees must be a list such as [\"walls\"], not \"walls\"",
+        "[controllers]\nangles = \"1\"",
+        "controllers.angles must be a list such as [\"1\"], not \"1\"",
     );
     check(
         "ratios = [[-1, 4]]",
