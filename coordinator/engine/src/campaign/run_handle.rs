@@ -16,7 +16,7 @@ pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
 /// Time without any connected machine before the absence is reported. A restart takes less time, and is not reported.
-const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
+pub(super) const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Whether machines are connected to do a campaign's work.
 #[derive(Debug, Clone)]

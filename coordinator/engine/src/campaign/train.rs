@@ -3,15 +3,15 @@
 use super::{
     CampaignError,
     context::StageContext,
-    run_handle::{Availability, COUNTING_INTERVAL, RunHandle, held_up_by},
+    run_handle::{ABSENCE_LIMIT, Availability, COUNTING_INTERVAL, RunHandle, held_up_by},
 };
-use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
+use murmuration_dispatch::{ConnectedMachine, FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{EpochRecord, Store, StoreError};
 use murmuration_swarm::{CheckpointDigest, EmbedderSource, training::Configuration};
-use std::{sync::Arc, time::Instant};
+use std::{collections::BTreeSet, sync::Arc, time::Instant};
 use tokio::sync::watch;
 
 /// The pretrain stage: a trainer makes the embedder, and the campaign moves to it.
@@ -69,12 +69,15 @@ pub(super) async fn train(
         let stopped = handle.commit_handle();
         let mut trainers = Availability::trainers(context.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
+        let begun = Instant::now();
+        let mut has_begun = false;
         loop {
             tokio::select! {
                 biased;
                 () = stopped.stopped() => break Err(Interrupted.into()),
                 checkpoint = &mut training => break checkpoint.map_err(CampaignError::from),
                 Ok(()) = reports.changed() => {
+                    has_begun = true;
                     let told = *reports.borrow_and_update();
                     handle.training(told.map(|told| v1::TrainingProgress {
                         epoch: told.epoch.min(epochs),
@@ -84,7 +87,11 @@ pub(super) async fn train(
                 }
                 _ = tick.tick() => {
                     let missing = trainers.missing(Instant::now());
-                    handle.waiting(held_up_by(missing, job_progress.trouble()));
+                    let busy = match missing.is_none() && !has_begun && begun.elapsed() > ABSENCE_LIMIT {
+                        true => all_busy(&record.id, &context.trainers.machines().await),
+                        false => None,
+                    };
+                    handle.waiting(held_up_by(missing.or(busy), job_progress.trouble()));
                 }
             }
         }
@@ -98,6 +105,29 @@ pub(super) async fn train(
     let embedder = context.checkpoints.embedder(checkpoint, record.spec.image());
     handle.unless_stopped(embedder).await??;
     Ok(checkpoint)
+}
+
+/// The message about trainers that all work for other campaigns than `campaign`; `None` if one is free, or works for it.
+fn all_busy(campaign: &CampaignId, trainers: &[ConnectedMachine]) -> Option<String> {
+    let of_others = |trainer: &ConnectedMachine| {
+        let others = trainer
+            .work
+            .iter()
+            .map(|work| work.campaign.clone().filter(|other| other != campaign));
+        others
+            .collect::<Option<Vec<CampaignId>>>()
+            .filter(|others| !others.is_empty())
+    };
+    let others: Option<Vec<Vec<CampaignId>>> = trainers.iter().map(of_others).collect();
+    let others: BTreeSet<String> = others?.concat().iter().map(CampaignId::to_string).collect();
+    let others: Vec<String> = others.into_iter().collect();
+    (!others.is_empty()).then(|| {
+        let (is, campaigns) = match trainers.len() {
+            1 => ("the only trainer is", others.join(" and ")),
+            _ => ("all trainers are", others.join(" and ")),
+        };
+        format!("waits for a trainer: {is} at work for {campaigns}")
+    })
 }
 
 /// Writes the metrics of each epoch to disk, for the curve of the training. If the disk is slower than the training, some epochs
@@ -143,6 +173,49 @@ async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Optio
             Ok(()) | Err(StoreError::Superseded(_)) => {}
             // A lost snapshot only costs time: the training continues, and the disk may have room for a later snapshot.
             Err(error) => tracing::warn!(%error, "a training could not be put aside"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_dispatch::{WorkInHand, WorkKind};
+
+    fn trainer(campaigns: &[&str]) -> ConnectedMachine {
+        let work = |id: &&str| WorkInHand {
+            kind: WorkKind::Training,
+            campaign: Some(id.parse().unwrap()),
+            tasks: 1,
+        };
+        ConnectedMachine {
+            name: "t".to_owned(),
+            capacity: 1,
+            work: campaigns.iter().map(work).collect(),
+        }
+    }
+
+    #[test]
+    fn a_training_that_waits_for_others_names_them() {
+        let own = "own-1".parse().unwrap();
+        let busy = |trainers: &[ConnectedMachine]| all_busy(&own, trainers);
+        let one = busy(&[trainer(&["other-3"])]).unwrap();
+        assert_eq!(
+            one,
+            "waits for a trainer: the only trainer is at work for other-3"
+        );
+        let two = busy(&[trainer(&["other-3"]), trainer(&["a-1"])]).unwrap();
+        assert_eq!(
+            two,
+            "waits for a trainer: all trainers are at work for a-1 and other-3"
+        );
+        for free in [
+            &[][..],
+            &[trainer(&[])],
+            &[trainer(&["own-1"])],
+            &[trainer(&["a-1"]), trainer(&[])],
+        ] {
+            assert_eq!(busy(free), None);
         }
     }
 }
