@@ -312,6 +312,16 @@ def test_a_campaign_that_is_paused_or_cancelled_ends_the_wait(client: mm.Client)
         time.sleep(0.05)
 
 
+def test_a_completed_campaign_searches_on(client: mm.Client) -> None:
+    campaign = client.run(SPEC | {"search": {"population": 10, "generations": 2}}, progress=False)
+    with pytest.raises(mm.RefusedError, match="more than the 2"):
+        campaign.extend(2)
+    campaign.extend(4)
+    campaign.wait(progress=False)
+    whole = client.run(SPEC | {"search": {"population": 10, "generations": 4}}, progress=False)
+    assert campaign.digest() == whole.digest()
+
+
 def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.CaptureFixture[str]) -> None:
     campaign = client.run(SPEC, progress=True)
     assert "100/100" in capfd.readouterr().err

@@ -1,4 +1,4 @@
-"""Writes the ONNX files beside this script, as PyTorch 2.15 exports small networks, and their embeddings into torch_exports.json.
+"""Writes the ONNX files beside this script, as PyTorch 2.15 exports small networks, and their embeddings.
 
 Usage: python3 tests/models/torch_exports.py (with torch, onnx and onnxscript)
 """
@@ -25,6 +25,7 @@ class View(nn.Module):
         self.dense = nn.Linear(4 * 8 * 8, 6)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """The embeddings of pictures."""
         x = functional.max_pool2d(functional.relu6(self.conv(x / 255)), 2)
         return self.dense(x.view(x.size(0), -1))
 
@@ -41,6 +42,7 @@ class ChannelsLast(nn.Module):
         self.head = nn.Linear(8, 5)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """The embeddings of pictures."""
         x = self.stem(x / 255)
         y = self.norm(self.depthwise(x).permute(0, 2, 3, 1))
         x = x + self.narrow(functional.gelu(self.wide(y))).permute(0, 3, 1, 2)
@@ -59,6 +61,7 @@ class Attention(nn.Module):
         self.norm = nn.LayerNorm(8)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """The embeddings of pictures."""
         x = self.patches(x / 255).flatten(2).transpose(1, 2)
         x = torch.cat([self.token.expand(x.shape[0], -1, -1), x], dim=1) + self.places
         queries, keys, values = self.qkv(x).reshape(x.shape[0], 26, 3, 2, 4).permute(2, 0, 3, 1, 4).unbind(0)
@@ -76,6 +79,7 @@ class Colour(nn.Module):
         self.squeeze, self.excite = nn.Conv2d(6, 2, 1).half(), nn.Conv2d(2, 6, 1).half()
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """The embeddings of pictures."""
         x = functional.hardswish(self.conv(((x - 127) / 128).half()))
         x = x * functional.hardsigmoid(self.excite(functional.relu(self.squeeze(functional.adaptive_avg_pool2d(x, 1)))))
         return functional.adaptive_avg_pool2d(x, 2).flatten(1).float()
@@ -111,8 +115,8 @@ def main() -> None:
             shapes = ({0: torch.export.Dim("batch")},)
             torch.onnx.export(model, (images,), file, dynamo=True, dynamic_shapes=shapes, external_data=True)
         else:
-            axes = {"x": {0: "batch"}}
-            torch.onnx.export(model, (images,), file, dynamo=False, input_names=["x"], dynamic_axes=axes, opset_version=17)
+            names = {"input_names": ["x"], "dynamic_axes": {"x": {0: "batch"}}}
+            torch.onnx.export(model, (images,), file, dynamo=False, opset_version=17, **names)
         strip(file)
         embeddings[name] = model(images).detach().tolist()
     (FOLDER / "torch_exports.json").write_text(json.dumps(embeddings))

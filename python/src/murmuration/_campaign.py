@@ -609,16 +609,18 @@ class Campaign:
     def extend(self, generations: int) -> None:
         """Continues the search of this completed campaign to `generations` generations, and makes a new taxonomy.
 
-        The archive becomes that of a campaign that asked for so many generations from the start. Call `wait` to follow the search.
+        The archive becomes that of a campaign that asked for so many generations from the start. Call `wait` to follow
+        the search.
 
         Args:
             generations: The new number of generations, more than the campaign has.
 
         Raises:
-            RefusedError: If the campaign is not completed, belongs to a study, has learned from feedback, or cannot have so many
-                generations.
+            RefusedError: If the campaign is not completed, belongs to a study, has learned from feedback, or cannot
+                have so many generations.
         """
-        request = v1.ExtendCampaignRequest(campaign=self.id, generations=whole("generations", generations, 1, 2**32 - 1))
+        wanted = whole("generations", generations, 1, 2**32 - 1)
+        request = v1.ExtendCampaignRequest(campaign=self.id, generations=wanted)
         self._client.rpc.call("CampaignService/ExtendCampaign", request, v1.Campaign)
 
     def _description(self) -> str:
