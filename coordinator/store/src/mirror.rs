@@ -14,7 +14,7 @@ mod restore;
 mod sending;
 
 use crate::{
-    DataDirectory, Store, StoreError,
+    DataDirectory, Store, StoreError, blocking,
     checkpoints::CheckpointsOfMirror,
     files::{read_short, sync},
     find_database,
@@ -62,7 +62,10 @@ pub enum MirrorError {
          anew, end this process, and remove mirror.json from the data directory"
     )]
     Gone(String),
-    #[error("{object} in the mirror is damaged: {reason}")]
+    #[error(
+        "{object} in the mirror is damaged: {reason}. Bring it back from a copy of the mirror, or go on from a data directory or a backup \
+         with another --mirror"
+    )]
     Damaged { object: String, reason: String },
     #[error(
         "the mirror {0} has the campaigns of another data directory, or another coordinator has gone on from it: \
@@ -137,12 +140,30 @@ struct Writers {
     /// Whether the mirror has had a snapshot of the database.
     #[serde(default)]
     has_snapshot: bool,
+    /// The claims of `writer` and `former`.
+    #[serde(default)]
+    claims: Vec<RememberedClaim>,
     /// What is remembered of other mirrors, to which an attempt has changed nothing or whose place was taken by this one.
     #[serde(default)]
     elsewhere: Vec<Self>,
 }
 
+/// A claim of a process of this directory. It is never removed from the mirror.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct RememberedClaim {
+    writer: String,
+    number: u64,
+    /// BLAKE3 of the object.
+    digest: String,
+}
+
 impl Writers {
+    /// The remembered claims of a process in all mirrors.
+    fn claims_of<'a>(&'a self, writer: &'a str) -> impl Iterator<Item = &'a RememberedClaim> {
+        let claims = self.all().flat_map(|known| &known.claims);
+        claims.filter(move |claim| claim.writer == writer)
+    }
+
     /// Whether the directory's database, which has this inode, has all up to `entry`.
     fn wrote(&self, entry: &Entry, database: Option<u64>) -> bool {
         let writers = [&self.writer, &self.former];
@@ -252,6 +273,12 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         from_mirror,
         writers: &writers,
     };
+    if claiming.inode.is_some() {
+        // A database that cannot be opened must not end the coordinator that has the mirror.
+        let folder = data.path().to_path_buf();
+        let looked = blocking::changing(move || Store::look(&folder, true)?.0.is_sound()).await;
+        looked.map_err(StoreError::from)??;
+    }
     match claimed.place_first(&claiming).await {
         Ok(()) => Ok(claimed),
         // The attempt has left nothing in this mirror, and the directory's own mirror may be another one.
@@ -289,6 +316,7 @@ impl Claimed {
         } = claiming;
         let has_database = claiming.inode.is_some();
         let mut restore: Option<Restore> = None;
+        let mut missing = None;
         for _ in 0..CLAIMS {
             let all = self.entries.list().await?;
             let (mut former, mut restores) = (String::new(), false);
@@ -299,14 +327,19 @@ impl Claimed {
                     self.follow(newest, last.epoch)?;
                     match has_database && writers.know(&last, claiming.inode) {
                         true => {
+                            self.expect_claims(writers, &last.writer).await?;
                             former = last.writer;
                             had_data |= has_data(&self.entries, &all).await?;
                         }
                         false => restores = has_data(&self.entries, &all).await?,
                     }
                 }
-                None if had_data => {
-                    return Err(MirrorError::Gone(place.clone()));
+                None if had_data => return Err(MirrorError::Gone(place.clone())),
+                None if !self.entries.snapshots().await?.is_empty() => {
+                    return Err(MirrorError::Damaged {
+                        object: place.clone(),
+                        reason: "it has snapshots, and its entries are missing".to_owned(),
+                    });
                 }
                 None => {}
             }
@@ -320,7 +353,10 @@ impl Claimed {
                 (true, true, false) => match self.restored(restore.take(), &all, data).await {
                     Ok(restored) => restore = Some(restored),
                     // The former process has removed what it no longer needs.
-                    Err(error) if error.is_not_found() => continue,
+                    Err(error) if error.is_not_found() => {
+                        missing = Some(error.to_string());
+                        continue;
+                    }
                     Err(error) => return Err(error),
                 },
                 (false, true, false) => {
@@ -331,8 +367,9 @@ impl Claimed {
                 }
                 (false, ..) => {}
             }
-            let known = Writers {
+            let mut known = Writers {
                 mirror: place.clone(),
+                claims: writers.claims_of(&former).cloned().collect(),
                 writer: self.writer.clone(),
                 former,
                 restoring: restores,
@@ -345,14 +382,29 @@ impl Claimed {
                 true => CLAIM_WITH_DATA,
                 false => &[],
             };
-            if self.place_claim(data, &known, payload).await? {
+            if self.place_claim(data, &mut known, payload).await? {
                 return match restore.filter(|_| restores) {
                     Some(restore) => self.put_in_place(restore, known, data).await,
                     None => Ok(()),
                 };
             }
         }
-        Err(MirrorError::Contested(place.clone()))
+        Err(match missing {
+            Some(reason) => MirrorError::Damaged {
+                object: place.clone(),
+                reason,
+            },
+            None => MirrorError::Contested(place.clone()),
+        })
+    }
+
+    /// Checks that the mirror has the claims of the process of this directory that wrote its newest entry. An entry alone can have gone
+    /// into the empty folder under a file system that was not mounted.
+    async fn expect_claims(&self, writers: &Writers, writer: &str) -> Result<(), MirrorError> {
+        for claim in writers.claims_of(writer) {
+            self.entries.expect_digest(claim.number, &claim.digest).await?;
+        }
+        Ok(())
     }
 
     /// The first entry comes after entry `newest`, of the epoch `epoch`.
@@ -410,12 +462,17 @@ impl Claimed {
     async fn place_claim(
         &mut self,
         data: &Path,
-        known: &Writers,
+        known: &mut Writers,
         payload: &[u8],
     ) -> Result<bool, MirrorError> {
+        let claim = self.entry(What::Claim, payload)?;
+        known.claims.push(RememberedClaim {
+            writer: self.writer.clone(),
+            number: self.next,
+            digest: blake3::hash(&claim).to_hex().to_string(),
+        });
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
         known.write(data)?;
-        let claim = self.entry(What::Claim, payload)?;
         if self.entries.put(self.next, &claim).await? == Placed::Another {
             return Ok(false);
         }
@@ -506,7 +563,13 @@ pub(crate) fn expect_none(data: &Path) -> Result<(), StoreError> {
         true => Ok(()),
         false => Err(StoreError::Mirrored {
             data: data.to_path_buf(),
-            mirror: known.mirror,
+            // After a failed attempt with another mirror, the former one has the data.
+            mirror: known
+                .all()
+                .find(|known| known.has_snapshot)
+                .unwrap_or(&known)
+                .mirror
+                .clone(),
             file: FILE,
         }),
     }

@@ -328,6 +328,13 @@ pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreErr
     }
 }
 
+impl Store {
+    /// Checks the structure of a database that is looked at, as at each opening.
+    pub(super) fn is_sound(&self) -> Result<(), StoreError> {
+        self.read(|connection| check(connection, &self.path))
+    }
+}
+
 /// A path for a URI of SQLite: escapes the bytes `%`, `?` and `#`, and all bytes that are not ASCII, since a path need not be text.
 pub(super) fn uri_path(path: &Path) -> String {
     let bytes = path.as_os_str().as_bytes().iter();

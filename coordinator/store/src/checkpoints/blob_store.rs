@@ -117,16 +117,21 @@ impl BlobStore {
             objects: mirror.clone(),
             mirror: None,
         };
-        match (self.has(digest).await?, other.has(digest).await?) {
-            (true, false) => other.put(digest, self.get(digest).await?).await,
-            (false, true) => {
+        match (self.get(digest).await, other.has(digest).await?) {
+            (Ok(bytes), false) => other.put(digest, bytes).await,
+            (Ok(_), true) | (Err(CheckpointError::Missing { .. }), false) => Ok(()),
+            (Err(damaged @ CheckpointError::Damaged { .. }), false) => {
+                tracing::warn!("{damaged}");
+                Ok(())
+            }
+            (Err(CheckpointError::Missing { .. } | CheckpointError::Damaged { .. }), true) => {
                 let copy = async { self.put(digest, other.get(digest).await?).await };
                 if let Err(error) = copy.await {
                     tracing::warn!(%digest, %error, "a checkpoint of the mirror could not be copied");
                 }
                 Ok(())
             }
-            (true, true) | (false, false) => Ok(()),
+            (Err(error), _) => Err(error),
         }
     }
 

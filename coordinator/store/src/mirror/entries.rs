@@ -237,6 +237,12 @@ impl Entries {
         self.is_there(found, &name_of(number))
     }
 
+    /// Checks that entry `number` is there with the BLAKE3 `digest`, as [`expect`](Self::expect) does.
+    pub(super) async fn expect_digest(&self, number: u64, expected: &str) -> Result<(), MirrorError> {
+        let found = self.object(number).await.map(|found| digest(&found) == expected);
+        self.is_there(found, &name_of(number))
+    }
+
     /// Checks that the object of a snapshot is there, as [`expect`](Self::expect) does.
     pub(super) async fn expect_snapshot(&self, snapshot: &Snapshot) -> Result<(), MirrorError> {
         let path = self.objects.path(&snapshot.object);

@@ -275,11 +275,16 @@ impl Sender {
         let Claimed {
             entries, claim, next, ..
         } = &self.claimed;
+        // Where an entry goes, the claim must be: before, so that nothing is written into another mirror or into the empty folder under
+        // a file system that is not mounted; and after, because a file system can be mounted between two of these steps.
+        let is_folder = entries.objects.folder().is_some();
+        if is_folder {
+            entries.expect(claim.0, &claim.1).await?;
+        }
         let placed = entries.put(*next, entry).await?;
-        // Where the entry went, the claim must be too. A file system can be mounted between two of these steps.
         if placed == Placed::Ours {
             entries.expect(claim.0, &claim.1).await?;
-            if entries.objects.folder().is_some() {
+            if is_folder {
                 entries.expect(*next, entry).await?;
             }
         }

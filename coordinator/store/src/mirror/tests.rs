@@ -205,11 +205,8 @@ async fn a_change_waits_for_a_mirror_that_fails_no_longer_than_its_limit() {
         refused.to_string().contains("the mirror has lost its entries"),
         "{refused}"
     );
-    // The coordinator tries again at any time, and makes the folder anew.
-    while fs::remove_dir_all(&mirror)
-        .and_then(|()| fs::rename(&away, &mirror))
-        .is_err()
-    {}
+    // Nothing is written where the claim is not, so the folder was not made anew.
+    fs::rename(&away, &mirror).unwrap();
     while node.add(10).await.is_err() {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
@@ -618,10 +615,73 @@ async fn a_late_claim_among_removed_entries_does_not_count() {
     while third.exists() {
         first.add(LONG_LOG as usize).await.unwrap();
     }
-    let known = Writers::default();
-    assert!(!late.place_claim(data.path(), &known, &[]).await.unwrap());
+    let mut known = Writers::default();
+    assert!(!late.place_claim(data.path(), &mut known, &[]).await.unwrap());
     first.add(10).await.unwrap();
     let acknowledged = first.end();
     let second = place.start("second", true).await.unwrap();
     assert!(second.rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_is_written_where_the_claim_is_not() {
+    let place = Place::new();
+    let node = place.start("first", false).await.unwrap();
+    node.add(10).await.unwrap();
+    let [mirror, away] = ["mirror", "away"].map(|name| place.folder.path().join(name));
+    fs::rename(&mirror, &away).unwrap();
+    assert!(matches!(node.add(10).await, Err(StoreError::Unmirrored { .. })));
+    assert!(!mirror.exists());
+    node.end();
+    // Earlier versions wrote an entry into the empty folder under a file system that was not mounted.
+    let newest = fs::read_dir(away.join("log"))
+        .unwrap()
+        .map(|file| file.unwrap().file_name())
+        .max()
+        .unwrap();
+    fs::create_dir_all(mirror.join("log")).unwrap();
+    fs::copy(away.join("log").join(&newest), mirror.join("log").join(&newest)).unwrap();
+    let refused = place.start("first", false).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Gone(_)), "{refused}");
+    fs::remove_dir_all(&mirror).unwrap();
+    fs::rename(&away, &mirror).unwrap();
+    assert_eq!(place.start("first", false).await.unwrap().rows().len(), 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_damaged_database_does_not_end_the_coordinator_that_has_the_mirror() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let copy = place.folder.path().join("copy");
+    fs::create_dir(&copy).unwrap();
+    fs::copy(place.folder.path().join("first").join(FILE), copy.join(FILE)).unwrap();
+    fs::write(
+        copy.join(Store::FILE),
+        "no database, but long enough to be opened as one".repeat(100),
+    )
+    .unwrap();
+    let refused = place.start("copy", false).await.err().unwrap();
+    assert!(matches!(refused, MirrorError::Store(_)), "{refused}");
+    first.add(10).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_missing_from_a_mirror_is_named() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    for _ in 0..3 {
+        first.add(2000).await.unwrap();
+    }
+    first.end();
+    let log = place.folder.path().join("mirror/log");
+    fs::remove_file(log.join("00000000000000000003")).unwrap();
+    let refused = place.start("second", true).await.err().unwrap().to_string();
+    assert!(
+        refused.contains("00000000000000000003") && refused.contains("damaged"),
+        "{refused}"
+    );
+    fs::remove_dir_all(&log).unwrap();
+    let refused = place.start("second", true).await.err().unwrap().to_string();
+    assert!(refused.contains("it has snapshots"), "{refused}");
 }
