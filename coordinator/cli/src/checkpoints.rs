@@ -10,7 +10,7 @@ use super::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{EmbedError, Embedder, Runtime};
-use murmuration_files::{InputKind, read_bytes};
+use murmuration_files::{InputKind, expect_regular, read_bytes};
 use murmuration_link::{OutputError, errln, outln, print};
 use murmuration_onnx::{EmbedderModel, MAX_MODEL_BYTES, with_weights};
 use murmuration_proto::{parts::whole, v1};
@@ -160,7 +160,8 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
     let bytes = read(file, InputKind::Checkpoint)?;
     let beside = |name: &str| {
         let path = file.with_file_name(name);
-        let weights = read_bytes(&path, InputKind::Checkpoint);
+        // A pipe would wait without end.
+        let weights = expect_regular(&path).and_then(|()| read_bytes(&path, InputKind::Checkpoint));
         weights.map_err(|error| format!("is in {}: {error}", path.display()))
     };
     let refused = |error: &dyn fmt::Display| CliError::Input(format!("{}: {error}", file.display()));
