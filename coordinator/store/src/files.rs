@@ -7,7 +7,7 @@ use std::{
     path::{self, Component, Path, PathBuf},
 };
 
-/// Bytes that are read of a small file; those of leases and mirrors have about 200 bytes.
+/// Bytes that are read of a small file; those of leases have about 200 bytes.
 const SHORT_BYTES: u64 = 4 << 10;
 
 /// Whether anything exists at `path`. False only if the folder of `path`, or a folder above, was read and lacks the name.
@@ -93,9 +93,17 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 /// # Errors
 /// If the file cannot be read, or is no regular file.
 pub(crate) fn read_short(path: &Path) -> io::Result<Vec<u8>> {
+    read_beginning(path, SHORT_BYTES)
+}
+
+/// Reads up to `most` bytes of a file, as [`read_short`] does.
+///
+/// # Errors
+/// The errors of [`read_short`].
+pub(crate) fn read_beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     expect_regular(path)?;
     let mut bytes = Vec::new();
-    fs::File::open(path)?.take(SHORT_BYTES).read_to_end(&mut bytes)?;
+    fs::File::open(path)?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

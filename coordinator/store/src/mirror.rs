@@ -16,7 +16,7 @@ mod sending;
 use crate::{
     DataDirectory, Store, StoreError, blocking,
     checkpoints::CheckpointsOfMirror,
-    files::{read_short, sync},
+    files::{read_beginning, sync},
     find_database,
     objects::{NoPlace, Objects},
 };
@@ -36,6 +36,8 @@ use std::{
 
 /// The file of a data directory that names the entries of its processes in the mirror.
 const FILE: &str = "mirror.json";
+/// Maximum number of bytes of that file; it has some hundred for each mirror that the directory has had.
+const MAX_BYTES: u64 = 1 << 20;
 /// Payload of the claim of a process whose data directory has a database. Other claims have none.
 const CLAIM_WITH_DATA: &[u8] = b"data";
 /// Attempts to write the first entry, while a former coordinator still writes.
@@ -58,8 +60,8 @@ pub enum MirrorError {
     #[error("the mirror {place} does not answer")]
     Silent { place: String },
     #[error(
-        "the mirror has lost its entries: {0} is gone; mount its folder again, or bring it back. To write everything into the mirror \
-         anew, end this process, and remove mirror.json from the data directory"
+        "the mirror has lost its entries: {0} is gone; mount its folder again, or bring it back. To write everything anew, end this \
+         process, remove mirror.json from the data directory, and name an empty place with --mirror"
     )]
     Gone(String),
     #[error(
@@ -153,15 +155,27 @@ struct Writers {
 struct RememberedClaim {
     writer: String,
     number: u64,
-    /// BLAKE3 of the object.
-    digest: String,
+    /// BLAKE3 of the object, and of the trial that takes its place in an object store without a fence.
+    digests: Vec<String>,
 }
 
 impl Writers {
-    /// The remembered claims of a process in all mirrors.
-    fn claims_of<'a>(&'a self, writer: &'a str) -> impl Iterator<Item = &'a RememberedClaim> {
-        let claims = self.all().flat_map(|known| &known.claims);
-        claims.filter(move |claim| claim.writer == writer)
+    /// The remembered claims of a process, each once.
+    fn claims_of(&self, writer: &str) -> Vec<RememberedClaim> {
+        let claims = self
+            .all()
+            .flat_map(|known| &known.claims)
+            .filter(|claim| claim.writer == writer);
+        let each: BTreeMap<u64, &RememberedClaim> = claims.map(|claim| (claim.number, claim)).collect();
+        each.into_values().cloned().collect()
+    }
+
+    /// The claims that a mirror has whose newest entry is this process's: its own, and those before it in the same mirror.
+    fn claims_before(&self, writer: &str) -> Vec<RememberedClaim> {
+        match self.all().find(|known| known.writer == writer) {
+            Some(known) => known.claims.clone(),
+            None => self.claims_of(writer),
+        }
     }
 
     /// Whether the directory's database, which has this inode, has all up to `entry`.
@@ -198,7 +212,10 @@ impl Writers {
         });
         match has_database {
             true => remembered.collect(),
-            false => remembered.map(Self::without_writers).collect(),
+            false => remembered
+                .map(Self::without_writers)
+                .filter(|known| known.has_snapshot)
+                .collect(),
         }
     }
 
@@ -207,6 +224,7 @@ impl Writers {
         Self {
             writer: String::new(),
             former: String::new(),
+            claims: Vec::new(),
             ..self
         }
     }
@@ -275,8 +293,8 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
     };
     if claiming.inode.is_some() {
         // A database that cannot be opened must not end the coordinator that has the mirror.
-        let folder = data.path().to_path_buf();
-        let looked = blocking::changing(move || Store::look(&folder, true)?.0.is_sound()).await;
+        let database = data.path().join(Store::FILE);
+        let looked = blocking::changing(move || crate::open::expect_sound(&database)).await;
         looked.map_err(StoreError::from)??;
     }
     match claimed.place_first(&claiming).await {
@@ -333,9 +351,13 @@ impl Claimed {
                         }
                         false => restores = has_data(&self.entries, &all).await?,
                     }
+                    // Only a claim of an earlier attempt is there.
+                    if had_data && !restores && former.is_empty() {
+                        return Err(MirrorError::Gone(place.clone()));
+                    }
                 }
                 None if had_data => return Err(MirrorError::Gone(place.clone())),
-                None if !self.entries.snapshots().await?.is_empty() => {
+                None if claiming.from_mirror && self.entries.has_snapshots().await? => {
                     return Err(MirrorError::Damaged {
                         object: place.clone(),
                         reason: "it has snapshots, and its entries are missing".to_owned(),
@@ -369,7 +391,7 @@ impl Claimed {
             }
             let mut known = Writers {
                 mirror: place.clone(),
-                claims: writers.claims_of(&former).cloned().collect(),
+                claims: writers.claims_of(&former),
                 writer: self.writer.clone(),
                 former,
                 restoring: restores,
@@ -388,6 +410,7 @@ impl Claimed {
                     None => Ok(()),
                 };
             }
+            missing = None;
         }
         Err(match missing {
             Some(reason) => MirrorError::Damaged {
@@ -401,8 +424,8 @@ impl Claimed {
     /// Checks that the mirror has the claims of the process of this directory that wrote its newest entry. An entry alone can have gone
     /// into the empty folder under a file system that was not mounted.
     async fn expect_claims(&self, writers: &Writers, writer: &str) -> Result<(), MirrorError> {
-        for claim in writers.claims_of(writer) {
-            self.entries.expect_digest(claim.number, &claim.digest).await?;
+        for claim in writers.claims_before(writer) {
+            self.entries.expect_digest(claim.number, &claim.digests).await?;
         }
         Ok(())
     }
@@ -466,10 +489,13 @@ impl Claimed {
         payload: &[u8],
     ) -> Result<bool, MirrorError> {
         let claim = self.entry(What::Claim, payload)?;
+        let trial = self.entry(What::Claim, b"trial")?;
         known.claims.push(RememberedClaim {
             writer: self.writer.clone(),
             number: self.next,
-            digest: blake3::hash(&claim).to_hex().to_string(),
+            digests: [&claim, &trial]
+                .map(|entry| blake3::hash(entry).to_hex().to_string())
+                .into(),
         });
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
         known.write(data)?;
@@ -489,7 +515,6 @@ impl Claimed {
             return Err(MirrorError::Gone(self.entries.name(self.next - 1)));
         }
         // If this takes the place of the claim, it is one too.
-        let trial = self.entry(What::Claim, b"trial")?;
         if self.entries.put(self.next, &trial).await? == Placed::Ours {
             return Err(MirrorError::NoFence(self.entries.objects.to_string()));
         }
@@ -544,6 +569,7 @@ fn open(location: &str, data: &Path) -> Result<Objects, MirrorError> {
 pub(crate) fn note_snapshot(data: &Path) -> Result<(), MirrorError> {
     let known = read_writers(data)?;
     let elsewhere = known.elsewhere.into_iter().map(Writers::without_writers);
+    let elsewhere = elsewhere.filter(|known| known.has_snapshot);
     Writers {
         has_snapshot: true,
         // The database changes without the other mirrors from now on.
@@ -577,7 +603,7 @@ pub(crate) fn expect_none(data: &Path) -> Result<(), StoreError> {
 
 fn read_writers(data: &Path) -> Result<Writers, MirrorError> {
     let path = data.join(FILE);
-    let bytes = match read_short(&path) {
+    let bytes = match read_beginning(&path, MAX_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Writers::default()),
         read => read.map_err(|error| StoreError::from_io(error, "read", &path))?,
     };

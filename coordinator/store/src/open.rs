@@ -225,27 +225,7 @@ fn to_read_alone(path: &Path, file_system: &FileSystem) -> Result<Connection, St
 /// that no other process writes the database. If the database then has no log either, SQLite makes no files beside it.
 pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
-    let log = log_of(path);
-    let log_bytes = match log.metadata() {
-        Ok(log) => log.len(),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => 0,
-        Err(error) => return Err(StoreError::from_io(error, "read", &log)),
-    };
-    let unchanging = alone && log_bytes == 0;
-    let file_system = FileSystem::of(path);
-    let flags =
-        OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
-    let connection = if unchanging {
-        let uri = format!("file:{}?immutable=1", uri_path(path));
-        Connection::open_with_flags(uri, flags).map_err(named)?
-    } else if file_system.is_local() {
-        Connection::open_with_flags(path, flags).map_err(named)?
-    } else if alone {
-        to_read_alone(path, &file_system)?
-    } else {
-        let path = folder_of(path).to_path_buf();
-        return Err(StoreError::Unshared { path, file_system });
-    };
+    let connection = unchanged(path, alone)?;
     let version = schema::version(&connection, path)?;
     if version == schema::VERSION {
         return Ok((connection, version));
@@ -258,6 +238,39 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     schema::migrate(&mut copy, version).map_err(named)?;
     take_over(&mut copy, folder_of(path))?;
     Ok((copy, version))
+}
+
+/// Checks that this program can open a database, which no other process writes, and changes nothing.
+pub(super) fn expect_sound(path: &Path) -> Result<(), StoreError> {
+    let connection = unchanged(path, true)?;
+    schema::version(&connection, path)?;
+    check(&connection, path)
+}
+
+/// A connection to the database on disk that changes nothing. [`to_look`] explains `alone`.
+fn unchanged(path: &Path, alone: bool) -> Result<Connection, StoreError> {
+    let named = |source| StoreError::from_sqlite(source, path);
+    let log = log_of(path);
+    let log_bytes = match log.metadata() {
+        Ok(log) => log.len(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => 0,
+        Err(error) => return Err(StoreError::from_io(error, "read", &log)),
+    };
+    let unchanging = alone && log_bytes == 0;
+    let file_system = FileSystem::of(path);
+    let flags =
+        OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+    if unchanging {
+        let uri = format!("file:{}?immutable=1", uri_path(path));
+        Connection::open_with_flags(uri, flags).map_err(named)
+    } else if file_system.is_local() {
+        Connection::open_with_flags(path, flags).map_err(named)
+    } else if alone {
+        to_read_alone(path, &file_system)
+    } else {
+        let path = folder_of(path).to_path_buf();
+        Err(StoreError::Unshared { path, file_system })
+    }
 }
 
 /// The data directory of a database.
@@ -325,13 +338,6 @@ pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), StoreErr
             path: path.to_path_buf(),
             reason: message.replace('\n', " "),
         }),
-    }
-}
-
-impl Store {
-    /// Checks the structure of a database that is looked at, as at each opening.
-    pub(super) fn is_sound(&self) -> Result<(), StoreError> {
-        self.read(|connection| check(connection, &self.path))
     }
 }
 
