@@ -159,9 +159,9 @@ fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid>
     if images.takes(pictures) {
         return Ok(());
     }
-    let allowed = format!("at most that of the embedder's images, {images}");
+    let allowed = format!("that of the embedder's images, {images}");
     Err(match pictures.channels == images.channels {
-        true => Invalid::new("resolution", format.resolution(), allowed),
+        true => Invalid::new("resolution", format.resolution(), format!("at most {allowed}")),
         false => Invalid::new("channels", format.channels_name(), allowed),
     })
 }

@@ -6,7 +6,9 @@ use murmuration_cli::Global;
 use std::fmt::Write as _;
 
 /// Maximum width of a line of options, in columns.
-const WIDTH: usize = 80;
+const WIDTH: usize = 98;
+/// What stands before the options, after the heading.
+const DESCRIBED: &str = " (`murmuration COMMAND --help` describes them):";
 
 /// The groups of commands in the order of the help. Each is a command with the group's name and the options that all commands
 /// share.
@@ -50,13 +52,13 @@ pub(crate) fn overview() -> String {
     }
     let _ = write!(
         text,
-        "\n{header}Options{header:#} (`murmuration COMMAND --help` describes them):{}{{after-help}}",
+        "\n{header}Options{header:#}{DESCRIBED}{}{{after-help}}",
         options()
     );
     text
 }
 
-/// The names of the options that all commands share, in lines.
+/// The names of the options that all commands share, in lines; the first goes on after the heading.
 fn options() -> String {
     let global = Global::augment_args(Command::new("murmuration"));
     let named = global.get_arguments().filter_map(|option| {
@@ -68,11 +70,11 @@ fn options() -> String {
             .unwrap_or_default();
         Some(format!("--{}{value}", option.get_long()?))
     });
-    let (mut text, mut width) = (String::new(), WIDTH);
+    let (mut text, mut width) = (" ".to_owned(), "Options".len() + DESCRIBED.len() + 1);
     for option in named.chain(["--help", "--version"].map(str::to_owned)) {
         if width + option.len() > WIDTH {
             text.push_str("\n  ");
-            width = 0;
+            width = 2;
         }
         width += option.len() + 2;
         text.push_str(&option);
