@@ -6,6 +6,11 @@ use std::{io::Cursor, path::Path};
 
 /// Reads the pixels of a grey PNG with 8 bits per pixel, for an embedder of `images`; or returns an error message about the file.
 pub(super) fn pixels(image: &Path, images: ImageShape) -> Result<Vec<u8>, String> {
+    if ![1, 3].contains(&images.channels) {
+        return Err(format!(
+            "a PNG has one channel, but the embedder takes images of {images}: simulate the behaviours again"
+        ));
+    }
     let file = read_bytes(image, InputKind::Picture).map_err(|error| error.to_string())?;
     let mut reader = png::Decoder::new(Cursor::new(file))
         .read_info()
@@ -63,6 +68,9 @@ mod tests {
         );
         assert_eq!(pixels(&path, shape(1, 2, 3)).unwrap(), [1, 2, 3, 4, 5, 6]);
         let several = pixels(&path, shape(2, 2, 3)).unwrap_err();
-        assert!(several.contains("takes 2 channels of 2 x 3"), "{several}");
+        assert!(
+            several.contains("takes images of 2 channels of 2 x 3"),
+            "{several}"
+        );
     }
 }

@@ -333,7 +333,8 @@ mod tests {
         while begun.try_iter().count() == 0 {
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
-        running.iter().for_each(tokio::task::JoinHandle::abort);
+        // Work that has not begun goes first: it must not begin when a thread becomes free.
+        running.iter().rev().for_each(tokio::task::JoinHandle::abort);
         for gone in running {
             assert!(gone.await.is_err_and(|error| error.is_cancelled()));
         }
