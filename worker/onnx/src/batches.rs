@@ -34,7 +34,7 @@ pub(super) fn keeps_images_apart(operation: &Operation<'_>, output: &Value) -> b
         "MatMul" => {
             first_is_image && images.len() == 1 && operation.input(1).is_ok_and(|weights| weights.rank() == 2)
         }
-        "ReduceMean" => axes(operation).is_some_and(|axes| {
+        "ReduceMean" => operation.integers("axes", 1).ok().flatten().is_some_and(|axes| {
             let is_batch = |axis: i64| images[0].axis(axis) == Ok(0);
             !axes.is_empty() && !axes.into_iter().any(is_batch)
         }),
@@ -50,8 +50,4 @@ pub(super) fn keeps_images_apart(operation: &Operation<'_>, output: &Value) -> b
         }
         _ => false,
     }
-}
-
-fn axes(operation: &Operation<'_>) -> Option<Vec<i64>> {
-    operation.integers("axes", 1).ok().flatten()
 }

@@ -296,7 +296,7 @@ fn shown(sizes: &[Option<i64>]) -> String {
     format!("[{}]", sizes.join(", "))
 }
 
-/// What following a graph from its input to its last node shows.
+/// The values of a graph, computed from its input to its last node.
 struct Followed {
     /// Every value by name: the constants, the images, and the outputs of all nodes.
     values: BTreeMap<String, Value>,

@@ -234,7 +234,6 @@ fn output(operation: &Operation<'_>, budget: &mut Budget) -> Result<Value, Strin
         _ => return Err(NOT_ALLOWED.to_owned()),
     };
     operation.expect_inputs(least, most)?;
-    let x = operation.optional(0);
     match operator {
         "Constant" => constant(operation),
         "Cast" => cast(operation),
@@ -259,7 +258,7 @@ fn output(operation: &Operation<'_>, budget: &mut Budget) -> Result<Value, Strin
         _ if REDUCTIONS.contains(&operator) => reduction(operation),
         _ if OF_ONE.contains(&operator) => of_one(operation),
         _ if OF_SEVERAL.contains(&operator) => of_several(operation),
-        _ => layout::output(operation, x.map_or(&[], |x| &x.sizes)),
+        _ => layout::output(operation),
     }
 }
 
@@ -272,16 +271,18 @@ fn of_one(operation: &Operation<'_>) -> Result<Value, String> {
     {
         return Err("its bounds must be single constants".to_owned());
     }
-    let numbers = x.numbers().and_then(|numbers| {
-        let map = match operation.operator {
-            "Identity" => |number| number,
-            "Neg" => |number: f64| -number,
-            "Floor" => f64::floor,
-            "Ceil" => f64::ceil,
-            _ => return None,
-        };
-        Some(numbers.iter().map(|&number| map(number)).collect())
-    });
+    let mapped = |map: fn(f64) -> f64| {
+        let numbers = x.exact()?.into_iter();
+        numbers.map(|number| x.element.held(map(number))).collect()
+    };
+    let numbers = match operation.operator {
+        // A number may be beyond what is exact, such as the end of a slice.
+        "Identity" => x.numbers().map(<[f64]>::to_vec),
+        "Neg" => mapped(|number| -number),
+        "Floor" => mapped(f64::floor),
+        "Ceil" => mapped(f64::ceil),
+        _ => None,
+    };
     Ok(x.with(x.sizes.clone(), numbers))
 }
 
@@ -306,24 +307,22 @@ fn of_several(operation: &Operation<'_>) -> Result<Value, String> {
 
 /// The numbers of an operation on constants; `None` if an input is unknown or no model computes shapes in this way.
 fn combined(operator: &str, element: Element, values: &[&Value]) -> Option<Vec<f64>> {
-    let numbers: Vec<&[f64]> = values
-        .iter()
-        .map(|value| value.numbers())
-        .collect::<Option<_>>()?;
-    let count = numbers.iter().map(|numbers| numbers.len()).max()?;
+    let numbers: Vec<Vec<f64>> = values.iter().map(|value| value.exact()).collect::<Option<_>>()?;
+    let count = numbers.iter().map(Vec::len).max()?;
     if numbers.iter().any(|numbers| ![1, count].contains(&numbers.len())) {
         return None;
     }
     let compute = |at: usize| {
         let operand = |place: usize| numbers.get(place).map(|numbers| numbers[at % numbers.len()]);
         let (a, b) = (operand(0)?, operand(1)?);
-        Some(match operator {
+        element.held(match operator {
             "Add" => a + b,
             "Sub" => a - b,
             "Mul" => a * b,
             "Div" if element.is_whole() => (b != 0.0).then(|| (a / b).trunc())?,
             "Div" => a / b,
-            "Mod" if element.is_whole() => (b != 0.0).then(|| a.rem_euclid(b))?,
+            // The remainder has the sign of the divisor.
+            "Mod" if element.is_whole() => (b != 0.0).then(|| a - b * (a / b).floor())?,
             "Equal" => f64::from(a == b),
             "Max" if numbers.len() == 2 => a.max(b),
             "Min" if numbers.len() == 2 => a.min(b),
@@ -349,9 +348,10 @@ fn reduction(operation: &Operation<'_>) -> Result<Value, String> {
     }
     let all: Vec<i64> = (0..x.rank() as i64).collect();
     let sizes = reduce(&x.sizes, if axes.is_empty() { &all } else { &axes }, keeps)?;
-    let product = |numbers: &[f64]| vec![numbers.iter().product()];
-    let is_product = operation.operator == "ReduceProd" && x.rank() == 1;
-    Ok(x.with(sizes, x.numbers().filter(|_| is_product).map(product)))
+    let is_product = operation.operator == "ReduceProd" && x.rank() == 1 && x.element.is_whole();
+    let numbers = x.exact().filter(|_| is_product);
+    let product = numbers.and_then(|numbers| x.element.held(numbers.iter().product()));
+    Ok(x.with(sizes, product.map(|product| vec![product])))
 }
 
 fn cast(operation: &Operation<'_>) -> Result<Value, String> {

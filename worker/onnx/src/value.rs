@@ -56,7 +56,24 @@ impl Element {
     pub(super) const fn is_whole(self) -> bool {
         matches!(self, Self::Integer | Self::Integer32)
     }
+
+    /// A computed number as ONNX Runtime has it in an element of this type; `None` if that is not known. A model whose shapes were
+    /// followed with other numbers could need any memory.
+    pub(super) fn held(self, number: f64) -> Option<f64> {
+        let is_within = |least: f64, most: f64| number.fract() == 0.0 && (least..=most).contains(&number);
+        match self {
+            Self::Float => Some(f64::from(number as f32)),
+            Self::Double => Some(number),
+            Self::Integer => is_within(-MAX_EXACT, MAX_EXACT).then_some(number),
+            Self::Integer32 => is_within(i32::MIN.into(), i32::MAX.into()).then_some(number),
+            Self::Truth => Some(f64::from(number != 0.0)),
+            Self::Half => None,
+        }
+    }
 }
+
+/// Largest whole number up to which a double has every whole number and rounds no other to it.
+const MAX_EXACT: f64 = ((1_u64 << 53) - 1) as f64;
 
 impl Value {
     /// Maximum number of elements of a constant whose numbers are kept. Nodes take shapes, axes and scales from such constants.
@@ -96,10 +113,15 @@ impl Value {
 
     /// The same numbers with the type `element`.
     pub(super) fn cast(&self, element: Element) -> Self {
-        let whole = |&number: &f64| if element.is_real() { number } else { number.trunc() };
+        let cast = |number: f64| match element.is_whole() {
+            true => element.held(number.trunc()),
+            false => element.held(number),
+        };
         Self {
             element,
-            numbers: self.numbers().map(|numbers| numbers.iter().map(whole).collect()),
+            numbers: self
+                .exact()
+                .and_then(|numbers| numbers.into_iter().map(cast).collect()),
             ..self.clone()
         }
     }
@@ -144,10 +166,23 @@ impl Value {
         }
     }
 
+    /// The numbers of a constant, if all are exact.
+    pub(super) fn exact(&self) -> Option<Vec<f64>> {
+        let numbers = self.numbers()?.iter();
+        numbers.map(|&number| self.element.held(number)).collect()
+    }
+
     /// The whole numbers of a constant.
     pub(super) fn integers(&self) -> Result<Vec<i64>, String> {
-        let numbers = self.numbers().filter(|_| self.element.is_whole());
+        let numbers = self.exact().filter(|_| self.element.is_whole());
         let numbers = numbers.ok_or("it takes a shape or axes that are not constant")?;
+        Ok(numbers.into_iter().map(|number| number as i64).collect())
+    }
+
+    /// The whole numbers of a constant, where any number beyond the largest size means the same.
+    pub(super) fn bounds(&self) -> Result<Vec<i64>, String> {
+        let numbers = self.numbers().filter(|_| self.element.is_whole());
+        let numbers = numbers.ok_or("it slices by numbers that are not constant")?;
         Ok(numbers.iter().map(|&number| number as i64).collect())
     }
 
@@ -185,4 +220,23 @@ fn index_of(mut place: usize, sizes: &[usize]) -> Vec<usize> {
 /// Product of `sizes`, at most `usize::MAX`.
 pub(super) fn product(sizes: &[usize]) -> usize {
     sizes.iter().copied().fold(1, usize::saturating_mul)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_that_an_element_can_hold() {
+        assert_eq!(Element::Float.held(16_777_217.0), Some(16_777_216.0));
+        assert_eq!(Element::Double.held(16_777_217.0), Some(16_777_217.0));
+        assert_eq!(Element::Integer.held(MAX_EXACT), Some(MAX_EXACT));
+        assert_eq!(Element::Integer.held(MAX_EXACT + 1.0), None);
+        assert_eq!(Element::Integer32.held(2_147_483_648.0), None);
+        assert_eq!(Element::Truth.held(0.5), Some(1.0));
+        for element in [Element::Integer, Element::Integer32] {
+            assert_eq!((element.held(0.5), element.held(f64::NAN)), (None, None));
+        }
+        assert_eq!(Element::Half.held(1.0), None);
+    }
 }

@@ -316,6 +316,56 @@ fn shapes_that_a_model_computes_are_followed() {
 }
 
 #[test]
+fn shapes_are_followed_with_the_numbers_that_the_runtime_has() {
+    // A value whose size is the sum of two numbers.
+    let read = |data_type: DataType, numbers: [i64; 2]| {
+        let mut model = small();
+        let graph = graph(&mut model);
+        for (name, number) in ["one", "other"].into_iter().zip(numbers) {
+            graph.initializer.push(TensorProto::integers(name, &[number]));
+            append(
+                graph,
+                "Cast",
+                &[name],
+                vec![AttributeProto::integer("to", data_type as i64)],
+            );
+            graph.node.last_mut().unwrap().output[0] = format!("{name} cast");
+        }
+        append(graph, "Add", &["one cast", "other cast"], Vec::new());
+        graph.node.last_mut().unwrap().output[0] = "sum".to_owned();
+        append(
+            graph,
+            "Cast",
+            &["sum"],
+            vec![AttributeProto::integer("to", DataType::Int64 as i64)],
+        );
+        graph.node.last_mut().unwrap().output[0] = "sizes".to_owned();
+        append(graph, "ConstantOfShape", &["sizes"], Vec::new());
+        graph.node.last_mut().unwrap().output[0] = "made".to_owned();
+        append(graph, "Identity", &["embedding"], Vec::new());
+        let read = EmbedderModel::read(&model.encode_to_vec());
+        read.map(drop).map_err(|error| error.to_string())
+    };
+    let largest = i64::from(i32::MAX);
+    for (data_type, numbers) in [
+        (DataType::Int64, [1000, -489]),
+        (DataType::Int64, [(1 << 53) - 1, 1 - (1 << 53)]),
+        (DataType::Int32, [largest, 10 - largest]),
+        (DataType::Float, [1000, -489]),
+    ] {
+        assert_eq!(read(data_type, numbers), Ok(()), "{numbers:?}");
+    }
+    for (data_type, numbers) in [
+        (DataType::Int64, [(1 << 62) + 511, -(1 << 62)]),
+        (DataType::Int32, [largest, 5]),
+        (DataType::Float16, [1, 2]),
+    ] {
+        let refused = read(data_type, numbers).unwrap_err();
+        assert!(refused.contains("not constant"), "{numbers:?}: {refused}");
+    }
+}
+
+#[test]
 fn shapes_have_to_fit() {
     check_refused("Conv (c): weights of [4, 1, 3, 3] in 2 groups", |graph| {
         node(graph, "c")

@@ -11,7 +11,8 @@ use super::{
     Operation,
 };
 
-pub(super) fn output(operation: &Operation<'_>, sizes: &[usize]) -> Result<Value, String> {
+pub(super) fn output(operation: &Operation<'_>) -> Result<Value, String> {
+    let sizes = &operation.input(0)?.sizes[..];
     match operation.operator {
         "Concat" => concat(operation),
         "ConstantOfShape" => constant_of_shape(operation),
@@ -184,21 +185,19 @@ fn pad(operation: &Operation<'_>) -> Result<Value, String> {
 }
 
 fn range(operation: &Operation<'_>) -> Result<Value, String> {
-    let number = |place: usize| match operation.input(place)?.numbers() {
+    let number = |place: usize| match operation.input(place)?.exact().as_deref() {
         Some(&[number]) => Ok(number),
         _ => Err("it counts to a number that is not constant".to_owned()),
     };
     let (start, end, step) = (number(0)?, number(1)?, number(2)?);
-    let count = ((end - start) / step).ceil();
-    if !(0.0..=MAX_VALUE_ELEMENTS as f64).contains(&count) {
-        return Err(format!("it counts from {start} to {end} by {step}"));
-    }
-    let numbers: Vec<f64> = (0..count as usize).map(|i| start + i as f64 * step).collect();
-    Ok(Value::constant(
-        vec![numbers.len()],
-        operation.input(0)?.element,
-        numbers,
-    ))
+    let element = operation.input(0)?.element;
+    let count = element.held(end - start).map(|length| (length / step).ceil());
+    let count = count.filter(|count| (0.0..=MAX_VALUE_ELEMENTS as f64).contains(count));
+    let count = count.ok_or_else(|| format!("it counts from {start} to {end} by {step}"))? as usize;
+    // ONNX Runtime adds the steps of real numbers one after the other, with an error each.
+    let is_known = element.is_whole() && count <= Value::MAX_NUMBERS;
+    let numbers = is_known.then(|| (0..count).map(|i| start + i as f64 * step).collect());
+    Ok(Value::new(vec![count], element, false).with(vec![count], numbers))
 }
 
 fn resize(operation: &Operation<'_>) -> Result<Value, String> {
@@ -218,11 +217,12 @@ fn resize(operation: &Operation<'_>) -> Result<Value, String> {
         (Some(sizes), _) => sizes_of(sizes)?,
         (None, Some(scales)) => {
             let scales = scales.numbers().ok_or("its scales are not constant")?;
+            // In single precision, as ONNX Runtime computes it.
             let scaled = x
                 .sizes
                 .iter()
                 .zip(scales)
-                .map(|(&size, scale)| (size as f64 * scale).floor());
+                .map(|(&size, &scale)| size as f32 * scale as f32);
             scaled.map(|size| size.clamp(0.0, 1e9) as usize).collect()
         }
         (None, None) => return Err("it has neither sizes nor scales".to_owned()),
@@ -247,12 +247,20 @@ fn shape(operation: &Operation<'_>) -> Result<Value, String> {
 
 fn sliced(operation: &Operation<'_>) -> Result<Value, String> {
     let x = operation.input(0)?;
-    let starts = operation.integers("starts", 1)?.ok_or("it has no starts")?;
-    let ends = operation.integers("ends", 2)?.ok_or("it has no ends")?;
+    let bounds = |name: &str, place| match operation.optional(place) {
+        Some(input) => input.bounds(),
+        None => {
+            let given = operation.attributes.integers(name)?;
+            given
+                .map(<[i64]>::to_vec)
+                .ok_or_else(|| format!("it has no {name}"))
+        }
+    };
+    let (starts, ends) = (bounds("starts", 1)?, bounds("ends", 2)?);
     let axes = operation.integers("axes", 3)?;
     let axes = axes.unwrap_or_else(|| (0..starts.len() as i64).collect());
     let steps = match operation.optional(4) {
-        Some(steps) => steps.integers()?,
+        Some(steps) => steps.bounds()?,
         None => vec![1; starts.len()],
     };
     let is_sound =
