@@ -12,32 +12,28 @@ mod entries;
 mod progress;
 mod restore;
 mod sending;
+mod writers;
 
 use crate::{
     DataDirectory, Store, StoreError, blocking,
     checkpoints::CheckpointsOfMirror,
-    files::{read_beginning, sync},
     find_database,
     objects::{NoPlace, Objects},
 };
 use bytes::Bytes;
 use entries::{Entries, Entry, Listed, Placed, What};
-use murmuration_files::write_file;
 pub(crate) use progress::{End, Mirror};
 use restore::{Restore, has_data};
 pub(crate) use sending::start;
-use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     io,
     os::unix::fs::MetadataExt as _,
     path::{self, Path, PathBuf},
 };
+use writers::{Known, RememberedClaim, Writers};
+pub(crate) use writers::{expect_none, note_snapshot};
 
-/// The file of a data directory that names the entries of its processes in the mirror.
-const FILE: &str = "mirror.json";
-/// Maximum number of bytes of that file; it has some hundred for each mirror that the directory has had.
-const MAX_BYTES: u64 = 1 << 20;
 /// Payload of the claim of a process whose data directory has a database. Other claims have none.
 const CLAIM_WITH_DATA: &[u8] = b"data";
 /// Attempts to write the first entry, while a former coordinator still writes.
@@ -124,129 +120,6 @@ impl From<NoPlace> for MirrorError {
     }
 }
 
-/// The processes of a data directory that wrote to the mirror, as the data directory remembers them.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-struct Writers {
-    /// The mirror.
-    #[serde(default)]
-    mirror: String,
-    /// The process that holds the directory now, or held it last.
-    writer: String,
-    /// The process that wrote the newest entry before, in case that `writer` never wrote.
-    former: String,
-    /// Whether the directory's database is still being made from the mirror.
-    restoring: bool,
-    /// Inode of the database that was made from the mirror, if it is complete.
-    #[serde(default)]
-    database: Option<u64>,
-    /// Whether the mirror has had a snapshot of the database.
-    #[serde(default)]
-    has_snapshot: bool,
-    /// The claims of `writer` and `former`.
-    #[serde(default)]
-    claims: Vec<RememberedClaim>,
-    /// What is remembered of other mirrors, to which an attempt has changed nothing or whose place was taken by this one.
-    #[serde(default)]
-    elsewhere: Vec<Self>,
-}
-
-/// A claim of a process of this directory. It is never removed from the mirror.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct RememberedClaim {
-    writer: String,
-    number: u64,
-    /// BLAKE3 of the object, and of the trial that takes its place in an object store without a fence.
-    digests: Vec<String>,
-}
-
-impl Writers {
-    /// The remembered claims of a process, each once.
-    fn claims_of(&self, writer: &str) -> Vec<RememberedClaim> {
-        let claims = self
-            .all()
-            .flat_map(|known| &known.claims)
-            .filter(|claim| claim.writer == writer);
-        let each: BTreeMap<u64, &RememberedClaim> = claims.map(|claim| (claim.number, claim)).collect();
-        each.into_values().cloned().collect()
-    }
-
-    /// The claims that a mirror has whose newest entry is this process's: its own, and those before it in the same mirror.
-    fn claims_before(&self, writer: &str) -> Vec<RememberedClaim> {
-        match self.all().find(|known| known.writer == writer) {
-            Some(known) => known.claims.clone(),
-            None => self.claims_of(writer),
-        }
-    }
-
-    /// Whether the directory's database, which has this inode, has all up to `entry`.
-    fn wrote(&self, entry: &Entry, database: Option<u64>) -> bool {
-        let writers = [&self.writer, &self.former];
-        let is_whole = !self.restoring || self.database.is_some_and(|restored| Some(restored) == database);
-        is_whole && !entry.writer.is_empty() && writers.contains(&&entry.writer)
-    }
-
-    /// What is remembered of all mirrors.
-    fn all(&self) -> impl Iterator<Item = &Self> {
-        std::iter::once(self).chain(&self.elsewhere)
-    }
-
-    /// Whether the mirror at `place` has had data of this directory.
-    fn had_data_in(&self, place: &str) -> bool {
-        self.all()
-            .any(|known| known.has_snapshot && known.mirror == place)
-    }
-
-    /// Whether the directory's database has all up to `entry`, the newest of its mirror or of one that it tried.
-    fn know(&self, entry: &Entry, database: Option<u64>) -> bool {
-        self.all().any(|known| known.wrote(entry, database))
-    }
-
-    /// What a new attempt at `place` must remember of other mirrors.
-    fn of_others(&self, place: &str, has_database: bool) -> Vec<Self> {
-        let others = self
-            .all()
-            .filter(|known| !known.mirror.is_empty() && known.mirror != place);
-        let remembered = others.map(|known| Self {
-            elsewhere: Vec::new(),
-            ..known.clone()
-        });
-        match has_database {
-            true => remembered.collect(),
-            false => remembered
-                .map(Self::without_writers)
-                .filter(|known| known.has_snapshot)
-                .collect(),
-        }
-    }
-
-    /// What is remembered once the directory's database may no longer be the one that wrote to that mirror.
-    fn without_writers(self) -> Self {
-        Self {
-            writer: String::new(),
-            former: String::new(),
-            claims: Vec::new(),
-            ..self
-        }
-    }
-
-    /// Writes what was known before an attempt that has failed.
-    fn write_back(&self, data: &Path) -> Result<(), MirrorError> {
-        if !self.writer.is_empty() {
-            return self.write(data);
-        }
-        match std::fs::remove_file(data.join(FILE)) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error.into()),
-            _ => Ok(()),
-        }
-    }
-
-    fn write(&self, data: &Path) -> Result<(), MirrorError> {
-        let bytes = serde_json::to_vec(self).map_err(io::Error::other)?;
-        write_file(&data.join(FILE), &bytes)?;
-        Ok(sync(data)?)
-    }
-}
-
 /// A mirror in which this process has written the newest entry.
 #[derive(Debug)]
 pub struct Claimed {
@@ -274,7 +147,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
     let entries = Entries {
         objects: open(location, data.path())?,
     };
-    let writers = read_writers(data.path())?;
+    let writers = Writers::read(data.path())?;
     let mut claimed = Claimed {
         writer: format!("{:016x}", getrandom::u64().unwrap_or_default()),
         entries,
@@ -389,7 +262,7 @@ impl Claimed {
                 }
                 (false, ..) => {}
             }
-            let mut known = Writers {
+            let known = Known {
                 mirror: place.clone(),
                 claims: writers.claims_of(&former),
                 writer: self.writer.clone(),
@@ -398,15 +271,15 @@ impl Claimed {
                 database: None,
                 // An attempt that fails must not forget this.
                 has_snapshot: restores || had_data,
-                elsewhere: writers.of_others(place, has_database),
             };
+            let mut now = writers.with(known, has_database);
             let payload = match has_database {
                 true => CLAIM_WITH_DATA,
                 false => &[],
             };
-            if self.place_claim(data, &mut known, payload).await? {
+            if self.place_claim(data, &mut now, payload).await? {
                 return match restore.filter(|_| restores) {
-                    Some(restore) => self.put_in_place(restore, known, data).await,
+                    Some(restore) => self.put_in_place(restore, now, data).await,
                     None => Ok(()),
                 };
             }
@@ -462,22 +335,20 @@ impl Claimed {
         }
     }
 
-    async fn put_in_place(&self, restore: Restore, known: Writers, data: &Path) -> Result<(), MirrorError> {
+    async fn put_in_place(
+        &self,
+        restore: Restore,
+        mut writers: Writers,
+        data: &Path,
+    ) -> Result<(), MirrorError> {
         let note = |inode| {
-            let database = Some(inode);
-            Writers {
-                database,
-                ..known.clone()
-            }
-            .write(data)
+            writers.here.database = Some(inode);
+            writers.write(data)
         };
         restore.finish(data, note).await?;
-        let restored = Writers {
-            restoring: false,
-            database: None,
-            ..known
-        };
-        restored.write(data)
+        writers.here.restoring = false;
+        writers.here.database = None;
+        writers.write(data)
     }
 
     /// Writes this process's first entry. False if another process has written an entry with this number, or later ones: what is old
@@ -485,20 +356,15 @@ impl Claimed {
     async fn place_claim(
         &mut self,
         data: &Path,
-        known: &mut Writers,
+        writers: &mut Writers,
         payload: &[u8],
     ) -> Result<bool, MirrorError> {
         let claim = self.entry(What::Claim, payload)?;
         let trial = self.entry(What::Claim, b"trial")?;
-        known.claims.push(RememberedClaim {
-            writer: self.writer.clone(),
-            number: self.next,
-            digests: [&claim, &trial]
-                .map(|entry| blake3::hash(entry).to_hex().to_string())
-                .into(),
-        });
+        let claims = &mut writers.here.claims;
+        claims.push(RememberedClaim::new(&self.writer, self.next, [&claim, &trial]));
         // A crash may follow at any time: the data directory must know its entries before the mirror has them.
-        known.write(data)?;
+        writers.write(data)?;
         if self.entries.put(self.next, &claim).await? == Placed::Another {
             return Ok(false);
         }
@@ -563,54 +429,6 @@ fn open(location: &str, data: &Path) -> Result<Objects, MirrorError> {
         }),
         false => Ok(objects),
     }
-}
-
-/// Notes that the mirror has a snapshot of the database in `data`.
-pub(crate) fn note_snapshot(data: &Path) -> Result<(), MirrorError> {
-    let known = read_writers(data)?;
-    let elsewhere = known.elsewhere.into_iter().map(Writers::without_writers);
-    let elsewhere = elsewhere.filter(|known| known.has_snapshot);
-    Writers {
-        has_snapshot: true,
-        // The database changes without the other mirrors from now on.
-        elsewhere: elsewhere.collect(),
-        ..known
-    }
-    .write(data)
-}
-
-/// Refuses a data directory that has a mirror: its changes would be missing from the mirror.
-pub(crate) fn expect_none(data: &Path) -> Result<(), StoreError> {
-    let known = read_writers(data).map_err(|error| match error {
-        MirrorError::Store(error) => error,
-        other => StoreError::from_io(io::Error::other(other.to_string()), "read", &data.join(FILE)),
-    })?;
-    match known.writer.is_empty() {
-        true => Ok(()),
-        false => Err(StoreError::Mirrored {
-            data: data.to_path_buf(),
-            // After a failed attempt with another mirror, the former one has the data.
-            mirror: known
-                .all()
-                .find(|known| known.has_snapshot)
-                .unwrap_or(&known)
-                .mirror
-                .clone(),
-            file: FILE,
-        }),
-    }
-}
-
-fn read_writers(data: &Path) -> Result<Writers, MirrorError> {
-    let path = data.join(FILE);
-    let bytes = match read_beginning(&path, MAX_BYTES) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Writers::default()),
-        read => read.map_err(|error| StoreError::from_io(error, "read", &path))?,
-    };
-    serde_json::from_slice(&bytes).map_err(|error| {
-        let error = io::Error::other(format!("{error}: remove it, and name a new mirror"));
-        StoreError::from_io(error, "understand", &path).into()
-    })
 }
 
 #[cfg(test)]

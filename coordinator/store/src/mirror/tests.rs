@@ -1,4 +1,4 @@
-use super::*;
+use super::{writers::FILE, *};
 use crate::{doctor, files::log_of, open::LONG_LOG};
 use murmuration_model::Weight;
 use murmuration_swarm::CampaignSpec;
@@ -236,7 +236,7 @@ async fn a_stranger_that_is_refused_is_refused_again() {
     // The first coordinator has claimed the mirror, and has not written its snapshot yet.
     let (data, claimed) = place.claim("first", false).await.unwrap();
     let (early, _) = place.claim("stranger", false).await.unwrap();
-    assert_eq!(read_writers(early.path()).unwrap().former, "");
+    assert_eq!(Writers::read(early.path()).unwrap().here.former, "");
     drop(early);
     let late = Store::open_claimed(&data, &claimed)
         .unwrap()
@@ -334,10 +334,11 @@ async fn only_the_database_that_was_made_from_the_mirror_goes_on_with_it() {
     // As a process leaves it that ends just after the database has its place.
     let data = place.folder.path().join("second");
     let inode = data.join(Store::FILE).metadata().unwrap().ino();
-    let known = |database| Writers {
-        restoring: true,
-        database: Some(database),
-        ..read_writers(&data).unwrap()
+    let known = |database| {
+        let mut writers = Writers::read(&data).unwrap();
+        writers.here.restoring = true;
+        writers.here.database = Some(database);
+        writers
     };
     known(inode + 1).write(&data).unwrap();
     let other = place.start("second", true).await.err().unwrap();
@@ -611,7 +612,7 @@ async fn a_late_claim_among_removed_entries_does_not_count() {
     let third = place.folder.path().join("mirror/log/00000000000000000003");
     first.add(2000).await.unwrap();
     assert!(third.exists());
-    // What follows a later snapshot needs no earlier entries.
+    // A later snapshot makes the earlier entries needless.
     while third.exists() {
         first.add(LONG_LOG as usize).await.unwrap();
     }
