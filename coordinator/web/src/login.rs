@@ -161,7 +161,8 @@ fn onward(to: &Destination) -> Response {
         html lang="en" {
             head {
                 meta charset="utf-8";
-                meta http-equiv="refresh" content={ "0;url=" (to.0) };
+                // Relative to this page, since a proxy's path is added to links alone.
+                meta http-equiv="refresh" content={ "0;url=." (to.0) };
                 title { "Murmuration" }
             }
             body { p { a href=(to.0) { "Go on" } } }

@@ -172,11 +172,19 @@ fn a_proxy_serves_the_pages_under_a_path_of_its_own() {
     let own = format!("http://{listen}");
     let (status, cookie) = browse(&format!("{own}{path}/open?code={code}"), "");
     assert_eq!(status, 200);
-    for page in [format!("{own}{path}/"), format!("{own}/")] {
-        let text = block_on(async {
-            let asked = client().build().unwrap().get(&page).header("cookie", &cookie);
+    let text_of = |page: &str| {
+        block_on(async {
+            let asked = client().build().unwrap().get(page).header("cookie", &cookie);
             asked.send().await.unwrap().text().await.unwrap()
-        });
+        })
+    };
+    let opened = text_of(&format!("{own}/open?code={code}"));
+    let onward = opened.split_once("content=\"0;url=").unwrap().1;
+    let onward = onward.split_once('"').unwrap().0;
+    let of_browser = reqwest::Url::parse(link.trim()).unwrap();
+    assert_eq!(of_browser.join(onward).unwrap().as_str(), format!("{public}/"));
+    for page in [format!("{own}{path}/"), format!("{own}/")] {
+        let text = text_of(&page);
         assert!(text.contains(&format!("href=\"{path}/new\"")), "{text}");
         let outside = text
             .split("=\"/")
