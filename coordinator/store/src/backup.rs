@@ -160,7 +160,11 @@ pub fn copy_to_read(data: &Path) -> Result<TempDir, StoreError> {
         (log_of(&database), log_of(&place)),
     ] {
         if is_there(&from).map_err(|error| StoreError::from_io(error, "read", &from))? {
-            fs::copy(&from, to).map_err(no_room)?;
+            let mut original =
+                File::open(&from).map_err(|error| StoreError::from_io(error, "read", &from))?;
+            // `fs::copy` would also copy the mode, which may forbid to write.
+            let mut copy = File::create_new(to).map_err(no_room)?;
+            io::copy(&mut original, &mut copy).map_err(no_room)?;
         }
     }
     let checkpoints = data.join(BlobStore::FOLDER);
@@ -390,6 +394,7 @@ fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> BackupE
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[tokio::test]
     async fn an_interrupted_backup_or_restore_leaves_nothing() {
@@ -420,5 +425,17 @@ mod tests {
         );
         assert_eq!(names(), before);
         restore(&copy, &restored, &Interrupt::default()).await.unwrap();
+    }
+
+    #[test]
+    fn the_copy_of_a_database_that_nobody_may_write_can_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap());
+        let database = folder.path().join(Store::FILE);
+        fs::set_permissions(&database, fs::Permissions::from_mode(0o444)).unwrap();
+        let copy = copy_to_read(folder.path()).unwrap();
+        let copied = copy.path().join(Store::FILE);
+        assert_eq!(fs::metadata(&copied).unwrap().permissions().mode() & 0o200, 0o200);
+        assert_eq!(fs::read(copied).unwrap(), fs::read(database).unwrap());
     }
 }
