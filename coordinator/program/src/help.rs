@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 /// Maximum width of a line of options, in columns.
 const WIDTH: usize = 98;
-/// What stands before the options, after the heading.
+/// The rest of the heading of the options.
 const DESCRIBED: &str = " (`murmuration COMMAND --help` describes them):";
 
 /// The groups of commands in the order of the help. Each is a command with the group's name and the options that all commands

@@ -457,9 +457,10 @@ impl Store {
     /// mirror lacked it until now. Once it is in the database, it begins anew.
     fn free_log(&self, connection: &Connection) {
         let mut freed = self.freed.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_recent = freed.is_some_and(|freed| freed.elapsed() < PAUSE_TO_FREE);
-        let has_mirror = self.mirror.as_ref().is_some_and(|mirror| mirror.catches_up());
-        if has_mirror && !is_recent {
+        if freed.is_some_and(|freed| freed.elapsed() < PAUSE_TO_FREE) {
+            return;
+        }
+        if self.mirror.as_ref().is_some_and(|mirror| mirror.catches_up()) {
             *freed = Some(Instant::now());
             self.long_log.store(open::LONG_LOG, Ordering::Relaxed);
             self.shorten_long_log(connection);

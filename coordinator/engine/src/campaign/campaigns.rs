@@ -262,7 +262,7 @@ impl Campaigns {
         check_simulator(record)?;
         let deciding = self.registry.deciding(&record.id).await;
         let id = record.id.clone();
-        // What is stored is carried out even if the mirror lacks it.
+        // A stored change is carried out even if the mirror lacks it.
         let (reopened, unmirrored) = match self.context.store.run(move |store| store.reopen(&id)).await {
             Err(error) if error.is_stored() => (true, Some(error)),
             reopened => (reopened?, None),

@@ -122,11 +122,12 @@ fn all_busy(campaign: &CampaignId, trainers: &[ConnectedMachine]) -> Option<Stri
     let others: BTreeSet<String> = others?.concat().iter().map(CampaignId::to_string).collect();
     let others: Vec<String> = others.into_iter().collect();
     (!others.is_empty()).then(|| {
-        let (is, campaigns) = match trainers.len() {
-            1 => ("the only trainer is", others.join(" and ")),
-            _ => ("all trainers are", others.join(" and ")),
+        let are = if trainers.len() == 1 {
+            "the only trainer is"
+        } else {
+            "all trainers are"
         };
-        format!("waits for a trainer: {is} at work for {campaigns}")
+        format!("waits for a trainer: {are} at work for {}", others.join(" and "))
     })
 }
 
