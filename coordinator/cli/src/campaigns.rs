@@ -65,8 +65,9 @@ pub struct Refine {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The archive becomes that of a campaign that asked for so many generations from the start, with the same digest. The campaign gets \
-a new taxonomy; the former one stays in its history. A campaign that has learned from feedback searches on with `refine`.
+The archive becomes that of a campaign that asked for so many generations from the start, with the same digest, \
+unless the campaign has adopted another checkpoint. The campaign gets a new taxonomy; the former one stays in its history. A campaign \
+that has learned from feedback searches on with `refine`.
 
 Example:
   murmuration extend latest --generations 200")]

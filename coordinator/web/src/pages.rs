@@ -230,7 +230,8 @@ fn extension(record: &CampaignRecord) -> Markup {
                 " generations "
                 button #extend { "Extend" }
                 p #extended {
-                    "The archive becomes that of a campaign that asked for so many from the start. The taxonomy stays in the history."
+                    "The archive becomes that of a campaign that asked for so many from the start, unless this one has adopted another \
+                     checkpoint. The taxonomy stays in the history."
                 }
             }
         }

@@ -92,7 +92,8 @@ impl Campaigns {
     /// Gives the search of a completed campaign `generations` generations, more than before, and continues it; the decision is on
     /// disk when this returns. The campaign's taxonomy stays as a former version.
     ///
-    /// The archive becomes that of a campaign that asked for so many generations from the start.
+    /// The archive becomes that of a campaign that asked for so many generations from the start, unless the campaign has adopted
+    /// another checkpoint: its stored generations were selected in the space of the former one.
     ///
     /// # Errors
     /// If there is no such campaign, it is not completed, belongs to a study, has learned from feedback, cannot have so many
