@@ -174,6 +174,27 @@ fn number(cell: &str) -> f64 {
     cell.parse().unwrap()
 }
 
+/// The film with the rows of each robot together, as a spreadsheet saves it.
+fn by_robot(film: &str) -> String {
+    let (head, rows) = film.split_once('\n').unwrap();
+    let mut rows: Vec<&str> = rows.lines().collect();
+    rows.sort_by_key(|row| row.split(',').nth(1).unwrap().to_owned());
+    format!("\u{feff}{head}\r\n{}\r\n", rows.join("\r\n"))
+}
+
+/// The film with the names of robots 3 and 5 exchanged from frame 100 on.
+fn exchanged(film: &str) -> String {
+    let head = film.lines().next().unwrap();
+    rewritten(film, head, |[frame, robot, x, y, heading]| {
+        let robot = match robot {
+            "3" if number(frame) >= 100.0 => "5",
+            "5" if number(frame) >= 100.0 => "3",
+            robot => robot,
+        };
+        format!("{frame},{robot},{x},{y},{heading}")
+    })
+}
+
 /// Each form of a film that a person must be able to use, with the options for it.
 fn readable(film: &str) -> Vec<(&'static str, String, Vec<&'static str>)> {
     let plain = "frame,robot,x,y,heading";
@@ -229,6 +250,25 @@ fn readable(film: &str) -> Vec<(&'static str, String, Vec<&'static str>)> {
             }),
             vec!["--degrees", "--fps", "1"],
         ),
+        (
+            "ARGoS, in metres",
+            rewritten(film, "tick,id,x,y,yaw", |[frame, robot, x, y, heading]| {
+                let [x, y] = [number(x) / 250.0 - 1.0, 1.0 - number(y) / 250.0];
+                format!("{frame},foot-bot{robot},{x},{y},{}", -number(heading))
+            }),
+            vec![
+                "--columns",
+                "frame=tick,robot=id,heading=yaw",
+                "--arena",
+                "2x2",
+                "--origin",
+                "centre",
+                "--y",
+                "up",
+            ],
+        ),
+        ("robot by robot, saved by a spreadsheet", by_robot(film), vec![]),
+        ("two names exchanged", exchanged(film), vec![]),
         (
             "a ghost",
             format!("{film}150,ghost,1,1,0\n151,ghost,1,1,0\n"),

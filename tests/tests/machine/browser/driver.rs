@@ -304,9 +304,10 @@ impl Window {
         self.click(selector).await;
         let begun = Instant::now();
         loop {
-            // The browser gives the file this name only when the file is complete.
-            if let Ok(text) = fs::read_to_string(folder.path().join(file)) {
-                return text;
+            // The browser may reserve the name with an empty file; it moves the file to this name once it is complete.
+            match fs::read_to_string(folder.path().join(file)) {
+                Ok(text) if !text.is_empty() => return text,
+                _ => {}
             }
             assert!(begun.elapsed() < DRIVER_TIMEOUT, "{file} never came");
             tokio::time::sleep(POLL_INTERVAL).await;
