@@ -1,7 +1,7 @@
 //! A whole cluster in one process: a coordinator, its workers and trainers, connected by gRPC over loopback.
 
 use crate::server::{Coordinator, Options, ServerError};
-use murmuration_embed::checkpoint_folder;
+use murmuration_embed::{Device, checkpoint_folder};
 use murmuration_link::{Health, Leaving, OnLost, Target, errln, process_name};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
@@ -19,6 +19,8 @@ pub struct InProcess {
     pub workers: usize,
     /// Number of trainers. They share the process's thread pool.
     pub trainers: usize,
+    /// What embeds the workers' pictures.
+    pub embed_on: Device,
 }
 
 impl InProcess {
@@ -26,6 +28,7 @@ impl InProcess {
     pub const NONE: Self = Self {
         workers: 0,
         trainers: 0,
+        embed_on: Device::Cpu,
     };
 }
 
@@ -57,6 +60,7 @@ impl LocalCluster {
                 leaving: Leaving::default(),
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
+                embed_on: in_process.embed_on,
             };
             spawn(worker::run(options, stopped.clone()))
         };
@@ -106,7 +110,7 @@ impl LocalCluster {
     }
 }
 
-/// Works for the coordinator `target`, with this number of threads, until `stop` becomes true or the coordinator has ended. Gives up
+/// Works for the coordinator `target`, with this number of threads, and embeds on `embed_on`, until `stop` becomes true or the coordinator has ended. Gives up
 /// if there is no coordinator for as long as `on_lost` says.
 ///
 /// # Errors
@@ -114,6 +118,7 @@ impl LocalCluster {
 pub async fn work_for(
     target: Target,
     threads: NonZeroUsize,
+    embed_on: Device,
     on_lost: OnLost,
     stop: watch::Receiver<bool>,
 ) -> Result<(), WorkerError> {
@@ -125,6 +130,7 @@ pub async fn work_for(
         leaving: Leaving::when_lost(on_lost),
         threads,
         cache: checkpoint_folder(),
+        embed_on,
     };
     worker::run(options, stop).await
 }

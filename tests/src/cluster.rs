@@ -90,7 +90,10 @@ impl Cluster {
 
     /// Starts a cluster as [`Cluster::start`] does, but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
-        let in_process = InProcess { workers, trainers: 0 };
+        let in_process = InProcess {
+            workers,
+            ..InProcess::NONE
+        };
         Self::start_in_process(data, in_process, ListenConfig::open(0), quick_dispatch()).await
     }
 
@@ -100,7 +103,17 @@ impl Cluster {
         listen: ListenConfig,
         dispatch: dispatch::Options,
     ) -> Self {
-        Self::start_in_process(data, InProcess { workers, trainers: 1 }, listen, dispatch).await
+        Self::start_in_process(
+            data,
+            InProcess {
+                workers,
+                trainers: 1,
+                ..InProcess::NONE
+            },
+            listen,
+            dispatch,
+        )
+        .await
     }
 
     async fn start_in_process(

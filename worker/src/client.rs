@@ -11,7 +11,7 @@ mod tests;
 
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
-use murmuration_embed::Runtime;
+use murmuration_embed::{Device, Runtime, RuntimeError};
 use murmuration_link::{
     Address, Broken, Health, Leaving, Link, LinkError, Peer, Role, Target, keep, stopped,
 };
@@ -38,6 +38,8 @@ pub struct Options {
     pub threads: NonZeroUsize,
     /// Folder for up to 1 GiB of checkpoints, created at its first use. Several workers can share a folder.
     pub cache: PathBuf,
+    /// What embeds pictures.
+    pub embed_on: Device,
 }
 
 /// Why a worker gave up. After a temporary error, the worker tries again without limit.
@@ -49,6 +51,9 @@ pub enum WorkerError {
     /// A thread could not be started.
     #[error("cannot start an evaluation thread: {0}")]
     Thread(#[from] std::io::Error),
+    /// This machine cannot embed on the device that was asked for.
+    #[error("--embed-on: {0}")]
+    Device(RuntimeError),
 }
 
 /// A running worker. The future is boxed, so that only this crate compiles it, and not each program that awaits it.
@@ -64,8 +69,9 @@ pub fn run(options: Options, stop: watch::Receiver<bool>) -> Working {
 
 async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     let capacity = options.threads.get() as u32;
-    let kind = match Runtime::load() {
+    let kind = match Runtime::load().and_then(|runtime| runtime.on(options.embed_on)) {
         Ok(runtime) => runtime.kind(),
+        Err(error) if options.embed_on != Device::default() => return Err(WorkerError::Device(error)),
         Err(error) => {
             tracing::warn!(name = options.name, %error, "this worker simulates, and does not embed");
             EmbeddingKind::UNKNOWN
@@ -78,7 +84,7 @@ async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), Worke
     )?
     .connecting_from(options.local_address)
     .leaving(options.leaving.clone());
-    let checkpoints = Checkpoints::new(address.calls(), options.cache);
+    let checkpoints = Checkpoints::new(address.calls(), options.cache, options.embed_on);
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,
     };

@@ -1,7 +1,7 @@
 //! The worker's binary: connects to a coordinator, and evaluates and embeds until it must stop.
 
 use clap::Parser;
-use murmuration_embed::checkpoint_folder;
+use murmuration_embed::{Device, checkpoint_folder};
 use murmuration_link::{PeerArguments, Post, cores, parse_arguments, process_name, run_peer};
 use murmuration_worker::client::{self, Options};
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode};
@@ -24,6 +24,15 @@ struct Arguments {
     /// Folder for cached checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
+    /// What embeds pictures; a card needs a build of ONNX Runtime for it
+    #[arg(
+        long,
+        env = "MURMURATION_EMBED_ON",
+        value_name = "DEVICE",
+        value_enum,
+        default_value_t
+    )]
+    embed_on: Device,
 }
 
 /// Parses a number of threads. Coordinators refuse capacities over 4,096, and so many threads would fill the memory.
@@ -54,6 +63,7 @@ async fn main() -> ExitCode {
                 leaving: post.leaving,
                 threads: arguments.threads.unwrap_or_else(cores),
                 cache: arguments.cache.unwrap_or_else(checkpoint_folder),
+                embed_on: arguments.embed_on,
             };
             client::run(options, post.stop).await
         },

@@ -141,7 +141,7 @@ impl Adopt {
         };
         go_on(
             global,
-            InProcessArgs::default().count(),
+            InProcessArgs::default().count()?,
             "moves to the checkpoint",
             adopt,
         )
@@ -160,7 +160,7 @@ impl Refine {
         };
         go_on(
             global,
-            InProcessArgs::default().count(),
+            InProcessArgs::default().count()?,
             "learns from its labels",
             refine,
         )
@@ -178,7 +178,7 @@ impl Extend {
             };
             validated(connection.client.extend_campaign(request).await?)
         };
-        go_on(global, InProcessArgs::default().count(), "searches on", extend).await
+        go_on(global, InProcessArgs::default().count()?, "searches on", extend).await
     }
 }
 

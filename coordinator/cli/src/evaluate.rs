@@ -136,7 +136,7 @@ impl Evaluate {
     ) -> Result<u64, CliError> {
         let in_process = InProcess {
             trainers: 0,
-            ..self.in_process.count()
+            ..self.in_process.count()?
         };
         let evaluate = async |connection: &mut Connection| {
             tokio::select! {

@@ -130,7 +130,7 @@ impl LabelCommand {
             Some(_) => InProcess::NONE,
             None => InProcess {
                 trainers: 0,
-                ..InProcessArgs::default().count()
+                ..InProcessArgs::default().count()?
             },
         };
         let label = async |connection: &mut Connection| {

@@ -3,7 +3,7 @@
 use super::{CliError, Global, contact::Contact};
 use clap::builder::BoolishValueParser;
 use murmuration_coordinator::{
-    local::{WorkerError, work_for},
+    local::{InProcess, WorkerError, work_for},
     server::Publication,
 };
 use murmuration_link::{
@@ -144,8 +144,8 @@ impl Launch {
         }
     }
 
-    /// Works for the process that coordinates, with this number of threads (at least one), until the campaign has ended.
-    pub(super) async fn work(&self, workers: usize) -> Result<(), CliError> {
+    /// Works for the process that coordinates, with a thread for each worker (at least one), until the campaign has ended.
+    pub(super) async fn work(&self, in_process: InProcess) -> Result<(), CliError> {
         let target = Target::AccessFile {
             path: self.access.clone(),
             credentials: Credentials::default(),
@@ -155,7 +155,7 @@ impl Launch {
             self.number,
             self.access.display()
         );
-        let threads = NonZeroUsize::new(workers).unwrap_or(NonZeroUsize::MIN);
+        let threads = NonZeroUsize::new(in_process.workers).unwrap_or(NonZeroUsize::MIN);
         let (stop, stopped) = watch::channel(false);
         let terminated = termination();
         tokio::spawn(async move {
@@ -163,7 +163,14 @@ impl Launch {
             errln!("{signal}; leaving");
             stop.send_replace(true);
         });
-        let worked = work_for(target, threads, OnLost::RetryFor(PATIENCE), stopped).await;
+        let worked = work_for(
+            target,
+            threads,
+            in_process.embed_on,
+            OnLost::RetryFor(PATIENCE),
+            stopped,
+        )
+        .await;
         match (worked, AccessFile::read(&self.access)) {
             (Ok(()), Err(AccessFileError::Ended { .. })) => Ok(()),
             // The launcher starts the processes again, and they go on.

@@ -36,7 +36,7 @@ impl ReportCommand {
         }
         let in_process = InProcess {
             workers: 1,
-            trainers: 0,
+            ..InProcess::NONE
         };
         let write = async |connection: &mut Connection| self.write(connection, global).await;
         let page = connection::with(global, in_process, write)

@@ -12,7 +12,7 @@ use super::{
     validation::{self, get_campaign, get_digest, list_campaigns, validated},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_embed::Runtime;
+use murmuration_embed::{Device, Runtime};
 use murmuration_files::{InputKind, Replaces};
 use murmuration_link::{OutputError, cores, errln, outln, termination};
 use murmuration_proto::v1;
@@ -65,6 +65,15 @@ pub struct InProcessArgs {
     /// Trainers in this process [default: 1, or 0 with --workers 0]
     #[arg(long, env = "MURMURATION_TRAINERS", value_name = "N", value_parser = at_most_4096())]
     trainers: Option<usize>,
+    /// What embeds pictures in this process; a card needs a build of ONNX Runtime for it
+    #[arg(
+        long,
+        env = "MURMURATION_EMBED_ON",
+        value_name = "DEVICE",
+        value_enum,
+        default_value_t
+    )]
+    embed_on: Device,
 }
 
 /// Accepts at most 4096, more than the threads of any machine. A larger number would use up the memory.
@@ -73,17 +82,25 @@ fn at_most_4096() -> clap::builder::RangedU64ValueParser<usize> {
 }
 
 impl InProcessArgs {
-    pub(super) fn count(&self) -> InProcess {
+    /// Workers and trainers of this process.
+    ///
+    /// # Errors
+    /// If this machine cannot embed on the device.
+    pub(super) fn count(&self) -> Result<InProcess, CliError> {
         let workers = self.workers.unwrap_or_else(|| cores().get());
-        InProcess {
+        if self.embed_on != Device::default() {
+            Runtime::load()?.on(self.embed_on)?;
+        }
+        Ok(InProcess {
             workers,
             trainers: self.trainers.unwrap_or(workers.min(1)),
-        }
+            embed_on: self.embed_on,
+        })
     }
 
     /// Workers and trainers of a command that works alone: at least one worker and one trainer.
     pub fn some(&self) -> Result<InProcess, CliError> {
-        let in_process = self.count();
+        let in_process = self.count()?;
         if in_process.workers == 0 {
             let message = "--workers 0: a campaign needs at least one worker";
             return Err(CliError::Input(message.to_owned()));
@@ -104,7 +121,7 @@ impl Run {
         let in_process = self.in_process.some()?;
         let launch = self.together.launch(&spec, global)?;
         if let Some(launch) = launch.as_ref().filter(|launch| !launch.coordinates()) {
-            return launch.work(in_process.workers).await;
+            return launch.work(in_process).await;
         }
         let held = self.hold(global, launch.as_ref(), &mut ended).await;
         let holds = held.is_ok();

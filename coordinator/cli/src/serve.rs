@@ -175,7 +175,7 @@ impl Serve {
                 contact: self.contact.clone().map(String::from),
             }),
         };
-        Ok(LocalCluster::start(options, self.in_process.count()).await?)
+        Ok(LocalCluster::start(options, self.in_process.count()?).await?)
     }
 
     fn listen_config(&self) -> Result<ListenConfig, CliError> {

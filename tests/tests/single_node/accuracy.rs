@@ -214,3 +214,28 @@ fn a_library_that_does_not_load_is_named() {
     );
     assert_eq!(output.status.code(), Some(1));
 }
+
+#[test]
+fn a_device_that_the_library_lacks_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().display().to_string();
+    let spec = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../examples/single-sensor-latent.toml"
+    );
+    let coordinator = ["--coordinator", "http://127.0.0.1:1"];
+    for (program, arguments) in [
+        ("murmuration", vec!["run", spec, "--data", &data]),
+        ("murmuration", vec!["serve", "--data", &data]),
+        ("murmuration-worker", coordinator.to_vec()),
+    ] {
+        let output = Command::new(binary(program))
+            .args(arguments)
+            .args(["--embed-on", "cuda"])
+            .output()
+            .unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(message.contains("is built without CUDA"), "{program}: {message}");
+        assert_eq!(output.status.code(), Some(1), "{program}: {message}");
+    }
+}

@@ -1,5 +1,6 @@
 //! Tests bad messages from strangers: the coordinator refuses each such message with an error, and loses no work.
 
+use murmuration_embed::Device;
 use murmuration_link::{Health, READY, Target};
 use murmuration_proto::{
     PROTOCOL_VERSION, SIMULATOR_VERSION,
@@ -35,6 +36,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
         leaving: murmuration_link::Leaving::default(),
         threads: std::num::NonZeroUsize::MIN,
         cache: folder.path().join("cache"),
+        embed_on: Device::default(),
     };
     let (stop, stopped) = tokio::sync::watch::channel(false);
     let worker = tokio::spawn(murmuration_worker::client::run(options, stopped));

@@ -1,12 +1,8 @@
 //! One embedder, ready to run on one thread.
 
-use super::Runtime;
+use super::{Device, Runtime, device::open_session};
 use murmuration_onnx::{EmbedderModel, ImageShape};
-use ort::{
-    logging::LogLevel,
-    session::{Session, builder::GraphOptimizationLevel},
-    value::TensorRef,
-};
+use ort::{session::Session, value::TensorRef};
 
 /// Maximum number of images in a batch: larger batches are no faster and take more memory.
 pub const MAX_BATCH: usize = 32;
@@ -18,6 +14,7 @@ const MAX_BATCH_ELEMENTS: usize = 16 << 20;
 #[derive(Debug)]
 pub struct Embedder {
     session: Session,
+    device: Device,
     model: EmbedderModel,
     batch: usize,
     /// The pixels of a batch in the model's input format.
@@ -38,7 +35,10 @@ struct Enlarged {
 pub enum EmbedError {
     /// ONNX Runtime cannot run the model.
     #[error("ONNX Runtime: {0}")]
-    Runtime(#[from] ort::Error),
+    Runtime(#[source] ort::Error),
+    /// A card cannot run the model, for instance because its memory is full. A processor, or another card, may be able to.
+    #[error("ONNX Runtime on {device}: {error}")]
+    Card { device: Device, error: ort::Error },
     /// An image has neither the size that the model takes nor a size that can be enlarged to it.
     #[error("image {index} has {pixels} pixels: this embedder takes {images}, or smaller squares")]
     ImageSize {
@@ -72,13 +72,16 @@ impl Embedder {
     /// # Errors
     /// Fails if ONNX Runtime refuses the model, for instance because this version lacks an operator.
     pub fn open(runtime: &Runtime, model: EmbedderModel) -> Result<Self, EmbedError> {
-        let session = session(runtime, model.encoded())?;
+        let device = runtime.device();
+        let session = open_session(runtime.environment(), device, model.encoded())
+            .map_err(|error| refused(device, error))?;
         let batch = match model.takes_batches() {
             true => MAX_BATCH_ELEMENTS / model.largest_value().max(1),
             false => 1,
         };
         Ok(Self {
             session,
+            device,
             batch: batch.clamp(1, MAX_BATCH),
             pixels: Vec::new(),
             enlarged: None,
@@ -96,7 +99,7 @@ impl Embedder {
     /// An image is raw grey values, channel by channel; a pixel of a channel has index `x * width + y` (axis 0 is x), as in an
     /// evaluation. An image is a square picture that the model [takes](ImageShape::takes), or has the shape of the model's images.
     /// A smaller picture is enlarged: each pixel becomes that of the nearest pixel. An embedding has
-    /// [`EmbedderModel::dimensions`] numbers, all finite. For one kind of CPU and one build of ONNX Runtime, the bits of an
+    /// [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and with one build of ONNX Runtime, the bits of an
     /// embedding do not depend on the other images or on their number.
     ///
     /// # Errors
@@ -129,19 +132,21 @@ impl Embedder {
         }
         let Self {
             session,
+            device,
             model,
             pixels,
             ..
         } = self;
+        let refused = |error| refused(*device, error);
         let ImageShape {
             channels,
             height,
             width,
         } = model.images();
         let shape = [images.len(), channels, height, width];
-        let input = TensorRef::from_array_view((shape, pixels.as_slice()))?;
-        let outputs = session.run([input.into()])?;
-        let (shape, values) = outputs[0].try_extract_tensor::<f32>()?;
+        let input = TensorRef::from_array_view((shape, pixels.as_slice())).map_err(refused)?;
+        let outputs = session.run([input.into()]).map_err(refused)?;
+        let (shape, values) = outputs[0].try_extract_tensor::<f32>().map_err(refused)?;
         let dimensions = model.dimensions();
         if shape[..] != [images.len() as i64, dimensions as i64] {
             return Err(EmbedError::OutputShape {
@@ -184,16 +189,9 @@ impl Embedder {
     }
 }
 
-fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
-    Session::builder(runtime.environment())?
-        .with_intra_threads(1)?
-        .with_inter_threads(1)?
-        .with_parallel_execution(false)?
-        .with_optimization_level(GraphOptimizationLevel::All)?
-        .with_deterministic_compute(true)?
-        // `ort` returns failures as errors, so ONNX Runtime need not write failures to stderr.
-        .with_log_level(LogLevel::Fatal)?
-        // With memory patterns, ONNX Runtime would keep one pattern for each batch size.
-        .with_memory_pattern(false)?
-        .commit_from_memory(model)
+fn refused(device: Device, error: ort::Error) -> EmbedError {
+    match device {
+        Device::Cpu => EmbedError::Runtime(error),
+        Device::Cuda => EmbedError::Card { device, error },
+    }
 }

@@ -5,11 +5,13 @@
 //! network code: the caller passes a function that fetches a missing checkpoint.
 
 mod cache;
+mod device;
 mod embedder;
 mod embedders;
 mod runtime;
 
 pub use cache::{Cache, CacheError, FetchError, checkpoint_folder};
+pub use device::Device;
 pub use embedder::{EmbedError, Embedder, MAX_BATCH};
 pub use embedders::{Embedders, OpenError};
 pub use runtime::{Runtime, RuntimeError, cache_folder};

@@ -1,10 +1,16 @@
 //! Finds the ONNX Runtime library, and loads it before its first use.
 
+use super::{
+    Device,
+    device::{IDENTITY, open_session},
+};
 use murmuration_swarm::EmbeddingKind;
 use ort::environment::Environment;
 use std::{
     env::{self, consts::ARCH},
-    fmt, fs, io,
+    fmt, fs,
+    hash::{BuildHasher as _, RandomState},
+    io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -31,6 +37,7 @@ const PACKAGE_FOLDERS: [&str; 2] = ["site-packages", "dist-packages"];
 pub struct Runtime {
     environment: Environment,
     library: PathBuf,
+    device: Device,
 }
 
 /// Why ONNX Runtime is not available.
@@ -47,6 +54,17 @@ pub enum RuntimeError {
     /// The library does not load.
     #[error("{} cannot be used as ONNX Runtime: {reason}", library.display())]
     Unusable { library: PathBuf, reason: String },
+    /// The library is built for other devices.
+    #[error(
+        "{} is built without {device}: `pip install onnxruntime-gpu=={ONNX_RUNTIME_VERSION}` instead of `onnxruntime`, or set \
+         ORT_DYLIB_PATH to the libonnxruntime.so of a build that has it", library.display()
+    )]
+    OtherDevices { library: PathBuf, device: Device },
+    /// The device does not run a network.
+    #[error(
+        "{device} embeds nothing on this machine (a card, its driver or a library of {device} is missing?): {reason}"
+    )]
+    DeviceUnusable { device: Device, reason: String },
 }
 
 impl Runtime {
@@ -69,6 +87,22 @@ impl Runtime {
         Ok(loaded.insert(runtime).clone())
     }
 
+    /// This library, for embedders that run on `device`.
+    ///
+    /// # Errors
+    /// [`RuntimeError::OtherDevices`], or [`RuntimeError::DeviceUnusable`] if a network of one node does not open on the device.
+    pub fn on(self, device: Device) -> Result<Self, RuntimeError> {
+        let runtime = Self { device, ..self };
+        runtime.try_device()?;
+        Ok(runtime)
+    }
+
+    /// The device that embeds.
+    #[must_use]
+    pub const fn device(&self) -> Device {
+        self.device
+    }
+
     /// The path of the library, or its name if the system found it.
     #[must_use]
     pub fn library(&self) -> &Path {
@@ -82,14 +116,35 @@ impl Runtime {
     }
 
     /// The embedding kind of this machine: the processor's instruction sets, by which ONNX Runtime chooses its kernels, and the
-    /// build of ONNX Runtime. Machines of the same kind compute embeddings with the same bits.
+    /// build of ONNX Runtime. Machines of the same kind compute embeddings with the same bits. A card's kind is another in each
+    /// call: its bits can depend on its model, its driver, and the number of pictures.
     #[must_use]
     pub fn kind(&self) -> EmbeddingKind {
-        EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
+        match self.device {
+            Device::Cpu => {
+                EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
+            }
+            Device::Cuda => EmbeddingKind::from(RandomState::new().hash_one(self.device) | 1),
+        }
     }
 
     pub(super) const fn environment(&self) -> &Environment {
         &self.environment
+    }
+
+    fn try_device(&self) -> Result<(), RuntimeError> {
+        if !self.device.is_built_in() {
+            return Err(RuntimeError::OtherDevices {
+                library: self.library.clone(),
+                device: self.device,
+            });
+        }
+        let opened = open_session(&self.environment, self.device, IDENTITY);
+        opened.map_err(|error| RuntimeError::DeviceUnusable {
+            device: self.device,
+            reason: error.to_string().trim_end().to_owned(),
+        })?;
+        Ok(())
     }
 }
 
@@ -242,7 +297,11 @@ fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
         .with_telemetry(false)
         .build()
         .map_err(|error| unusable(error.to_string()))?;
-    Ok(Runtime { environment, library })
+    Ok(Runtime {
+        environment,
+        library,
+        device: Device::Cpu,
+    })
 }
 
 #[cfg(test)]
@@ -314,5 +373,19 @@ mod tests {
         let runtime = Runtime::load().unwrap();
         assert_eq!(Runtime::load().unwrap().library(), runtime.library());
         assert!(runtime.build().contains("ORT Build Info"), "{}", runtime.build());
+    }
+
+    #[test]
+    fn a_device_is_tried_before_it_embeds() {
+        let runtime = Runtime::load().unwrap();
+        let kind = runtime.kind();
+        // A processor opens the network that tries a device.
+        let on_cpu = runtime.clone().on(Device::Cpu).unwrap();
+        assert_eq!(on_cpu.kind(), kind);
+        match runtime.clone().on(Device::Cuda) {
+            Ok(card) => assert_ne!(card.kind(), kind),
+            Err(RuntimeError::OtherDevices { library, .. }) => assert_eq!(library, runtime.library()),
+            Err(error) => assert!(matches!(error, RuntimeError::DeviceUnusable { .. }), "{error}"),
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! Published embedders for the evaluation threads: fetched from the coordinator and cached on disk.
 
 use murmuration_embed::{
-    Cache, CacheError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime, RuntimeError,
+    Cache, CacheError, Device, EmbedError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime,
+    RuntimeError,
 };
 use murmuration_link::{Calls, fetch_checkpoint, may_pass_elsewhere};
 use murmuration_proto::v1;
@@ -23,6 +24,8 @@ pub(super) struct Checkpoints {
     /// The tokio runtime that fetches checkpoints while the threads wait.
     runtime: Handle,
     folder: PathBuf,
+    /// The device of the embedders.
+    device: Device,
     /// The cache, which is opened at its first use.
     cache: Mutex<Option<Arc<Cache>>>,
 }
@@ -39,7 +42,7 @@ pub(super) enum Unavailable {
 }
 
 impl Unavailable {
-    /// Whether another machine, or this machine later, may succeed: true if the problem is this machine's ONNX Runtime, cache or
+    /// Whether another machine, or this machine later, may succeed: true if the problem is this machine's ONNX Runtime, card, cache or
     /// permission to fetch, or an unavailable coordinator.
     pub(super) fn may_be_had_elsewhere(&self) -> bool {
         match self {
@@ -51,7 +54,8 @@ impl Unavailable {
                     .is_some_and(|NotFetched(status)| may_pass_elsewhere(status)),
                 FetchError::Mismatch { .. } => false,
             },
-            Self::Open(OpenError::Model { .. } | OpenError::Open { .. }) => false,
+            Self::Open(OpenError::Open { error, .. }) => matches!(error, EmbedError::Card { .. }),
+            Self::Open(OpenError::Model { .. }) => false,
         }
     }
 }
@@ -62,19 +66,21 @@ impl Unavailable {
 pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
-    /// Checkpoints from the coordinator of these `calls`, cached in `folder`. Call this function on a tokio runtime.
-    pub(super) fn new(calls: Calls, folder: PathBuf) -> Self {
+    /// Checkpoints from the coordinator of these `calls`, cached in `folder`, for embedders on `device`. Call this function on a
+    /// tokio runtime.
+    pub(super) fn new(calls: Calls, folder: PathBuf, device: Device) -> Self {
         Self {
             calls,
             runtime: Handle::current(),
             folder,
+            device,
             cache: Mutex::new(None),
         }
     }
 
     /// Embedders for one thread; loads ONNX Runtime.
     pub(super) fn embedders(&self) -> Result<Embedders, Unavailable> {
-        let runtime = OnnxRuntime::load()?;
+        let runtime = OnnxRuntime::load()?.on(self.device)?;
         let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         let cache = match &*cache {
             Some(cache) => cache,

@@ -61,7 +61,9 @@ impl Executor {
                 Undone::Checkpoint(unavailable) if unavailable.may_be_had_elsewhere() => {
                     Outcome::retryable(message)
                 }
-                Undone::Compression(_) => Outcome::retryable(message),
+                Undone::Compression(_) | Undone::Embed(EmbedError::Card { .. }) => {
+                    Outcome::retryable(message)
+                }
                 _ => Outcome::fatal(message),
             }
         })

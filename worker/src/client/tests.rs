@@ -6,6 +6,7 @@ use super::{
     executor::Executor,
     lease::{Lease, Outcome, Work},
 };
+use murmuration_embed::Device;
 use murmuration_link::{Address, Role, Target};
 use murmuration_proto::v1::{
     self,
@@ -109,7 +110,7 @@ impl Worker {
         };
         let address = Address::new(Target::open(&url), role, "tested").unwrap();
         Self {
-            checkpoints: Arc::new(Checkpoints::new(address.calls(), cache.to_owned())),
+            checkpoints: Arc::new(Checkpoints::new(address.calls(), cache.to_owned(), Device::Cpu)),
             asked,
             _folder: folder,
         }

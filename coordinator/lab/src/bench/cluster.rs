@@ -170,7 +170,7 @@ impl ClusterBench {
     ) -> Result<(Best, Best), CliError> {
         let in_process = InProcess {
             workers: self.workers.into(),
-            trainers: 0,
+            ..InProcess::NONE
         };
         let (mut campaigns, mut loops, mut results) = (Vec::new(), Vec::new(), 0);
         for round in 1..=self.rounds {

@@ -139,6 +139,7 @@ impl PipelineBench {
         let in_process = InProcess {
             workers: self.workers.into(),
             trainers: 1,
+            ..InProcess::NONE
         };
         let mut stages = [Took::default(); 4];
         let mut before: Option<(usize, Instant, Duration)> = None;

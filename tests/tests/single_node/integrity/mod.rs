@@ -6,6 +6,7 @@ mod kinds;
 mod machines;
 
 use murmuration_dispatch::{Options, Share};
+use murmuration_embed::Device;
 use murmuration_link::Target;
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, Purpose, RandomStream};
@@ -91,6 +92,7 @@ impl Honest {
             local_address: Some(Ipv4Addr::new(127, 0, 0, machine).into()),
             threads: NonZeroUsize::MIN,
             cache: cache.to_owned(),
+            embed_on: Device::default(),
             health: murmuration_link::Health::default(),
             leaving: murmuration_link::Leaving::default(),
         };

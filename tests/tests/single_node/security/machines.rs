@@ -1,6 +1,7 @@
 //! Tests the certificates of workers and trainers.
 
 use crate::security::{Secrets, people::channel};
+use murmuration_embed::Device;
 use murmuration_link::{Credentials, Health, Target};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
@@ -24,6 +25,7 @@ fn options(secrets: &Secrets, cluster: &Cluster, credentials: Credentials) -> wo
         leaving: murmuration_link::Leaving::default(),
         threads: NonZeroUsize::MIN,
         cache: secrets.path("cache"),
+        embed_on: Device::default(),
     }
 }
 
