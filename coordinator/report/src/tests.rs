@@ -87,7 +87,8 @@ fn a_card_shows_how_far_its_cluster_reaches() {
     let members = report.medoids[1].spread.as_ref().map(Spread::members).unwrap();
     let captions = members.map(|(which, member)| {
         format!(
-            "<figcaption>{which}<br>{}</figcaption>",
+            "is {which}: individual {}, at a distance of {}",
+            numbers::grouped(member.index),
             numbers::short(member.distance)
         )
     });
@@ -166,10 +167,14 @@ fn the_page_bears_the_names_that_people_gave_and_their_colours() {
     assert!(
         named.contains("<span class=\"class\" style=\"--class:#1d96e6\">ring, or &quot;mill&quot;</span>")
     );
-    assert!(named.contains("wall · 0") && named.contains("Behaviour 2") && !named.contains(">Behaviour 1<"));
+    assert!(named.contains("wall · 0") && !named.contains("Behaviour 1<"));
     report.names = Names::default();
+    let suggested = page(&report);
+    let judged = format!("{}?</span><small>judge</small>", report.judged.medoids[0].words());
+    assert!(suggested.contains(&judged) && !suggested.contains("Behaviour 1<"));
+    report.judged.medoids.clear();
     let nameless = page(&report);
-    assert!(nameless.contains("Behaviour 1") && !nameless.contains("id=\"names\""));
+    assert!(nameless.contains("Behaviour 1<") && !nameless.contains("id=\"names\""));
 }
 
 #[test]
@@ -201,7 +206,7 @@ fn a_name_from_an_earlier_version_is_on_the_card_the_legend_and_the_table() {
     let (_place, files) = written(&report);
     let page = fs::read_to_string(&files.page).unwrap();
     for expected in [
-        "<span class=\"class\" style=\"--class:#e6861d\">wall</span>",
+        "<span class=\"class unsure\" style=\"--class:#e6861d\">wall?</span>",
         "Name carried over from behaviour 5 of version 1 of the taxonomy: 7 of its 9 individuals are here.",
         "wall (carried over) · ",
     ] {

@@ -8,6 +8,7 @@ use crate::{
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
+use murmuration_swarm::{Controller, Verdict};
 
 pub(super) fn behaviours(
     report: &Report,
@@ -130,7 +131,6 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
     let number = place + 1;
     let entry = &report.individuals[medoid.index as usize];
     let world = report.spec.world();
-    let [image_title, image] = image_names(report);
     let colour = colours::hex(colours::cluster(place));
     let command = again::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
     let controller = entry.controller.to_string();
@@ -147,44 +147,68 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                 input.scrub type="range" min="0" value="0" aria-label={ "Step of behaviour " (number) };
                 output.step {}
             }
+            div.bar aria-hidden="true" { span style={ "width:" (share_of(report, medoid)) "%" } {} }
             div.text {
                 (share(report, number, medoid))
-                div.sights {
-                    figure {
-                        img.grey src=(inline_png(&pictures.image)) alt={ (image_title) " of behaviour " (number) };
-                        figcaption { (image) }
-                    }
-                    figure.scripted {
-                        canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}
-                        figcaption { "position" }
-                    }
-                    dl {
-                        div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
-                        div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
-                        @if let Some(purity) = report.purity(place) {
-                            div title=(alike(purity)) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
-                        }
-                        @if let Some(robustness) = entry.robustness {
-                            div title=(robust(report, place)) {
-                                dt { "Robustness" }
-                                dd { (of_starts(report, robustness)) }
-                            }
-                            div title=(robust(report, place)) {
-                                dt { "of its cluster" }
-                                dd { (of_cluster(report, place)) }
-                            }
-                        }
-                        div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
-                        div { dt { "Individual" } dd { (grouped(medoid.index)) } }
-                    }
-                }
-                @if let Some(spread) = &medoid.spread { (others(number, spread, &pictures.members)) }
-                h4 { "Controller" }
+                (sights(report, number, medoid, pictures))
                 (copyable("controller", &controller))
-                (robots(report, &entry.controller))
-                h4 { "Replay" }
-                (copyable("command", &command))
+                details.more {
+                    summary { "Numbers, robot, replay" }
+                    (figures(report, place, medoid))
+                    h4 { "Controller" }
+                    (genes(report, &entry.controller))
+                    (robots(report, &entry.controller))
+                    h4 { "Replay" }
+                    (copyable("command", &command))
+                }
             }
+        }
+    }
+}
+
+/// The picture of a behaviour as the embedder sees it, those of other members of its cluster, and the place of the cluster.
+fn sights(report: &Report, number: usize, medoid: &MedoidEntry, pictures: &MedoidPictures) -> Markup {
+    let [image_title, image] = image_names(report);
+    html! {
+        div.sights {
+            figure {
+                img.grey src=(inline_png(&pictures.image)) alt={ (image_title) " of behaviour " (number) };
+                figcaption title=(image) { "image" }
+            }
+            @if let Some(spread) = &medoid.spread { (others(number, spread, &pictures.members)) }
+            figure.scripted {
+                canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}
+                figcaption { "position" }
+            }
+        }
+    }
+}
+
+fn figures(report: &Report, place: usize, medoid: &MedoidEntry) -> Markup {
+    let entry = &report.individuals[medoid.index as usize];
+    html! {
+        dl {
+            @if let Some(purity) = report.purity(place) {
+                div title=(alike(purity)) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
+            }
+            @if let Some(robustness) = entry.robustness {
+                div title=(robust(report, place)) { dt { "Robustness" } dd { (of_starts(report, robustness)) } }
+                div title=(robust(report, place)) { dt { "of its cluster" } dd { (of_cluster(report, place)) } }
+            }
+            div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
+            div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
+            div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
+            div { dt { "Individual" } dd { (grouped(medoid.index)) } }
+        }
+    }
+}
+
+/// The genes of a controller with their names.
+fn genes(report: &Report, controller: &Controller) -> Markup {
+    let names = report.spec.model().gene_names();
+    html! {
+        dl.genes {
+            @for (name, gene) in names.iter().zip(controller.genes()) { div { dt { (name) } dd { (gene) } } }
         }
     }
 }
@@ -192,14 +216,14 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
 /// The pictures of the nearest, the median and the farthest member of a cluster.
 fn others(number: usize, spread: &Spread, pictures: &[Vec<u8>]) -> Markup {
     html! {
-        h4 { "Others in its cluster" }
-        div.others {
-            @for ((which, member), picture) in spread.members().into_iter().zip(pictures) {
-                figure title={ "Individual " (grouped(member.index)) } {
-                    img.grey src=(inline_png(picture))
-                        alt={ "Image of the member of cluster " (number) " that is " (which) ": individual " (member.index) };
-                    figcaption { (which) br; (short(member.distance)) }
-                }
+        @for ((which, member), picture) in spread.members().into_iter().zip(pictures) {
+            figure title={
+                "The member of this cluster that is " (which) ": individual " (grouped(member.index)) ", at a distance of "
+                (short(member.distance))
+            } {
+                img.grey src=(inline_png(picture))
+                    alt={ "Image of the member of cluster " (number) " that is " (which) ": individual " (member.index) };
+                figcaption { (which) }
             }
         }
     }
@@ -246,29 +270,58 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
         grouped(medoid.cluster_size),
         counted(whole, "individual")
     );
-    let name = report.name_of(number - 1);
-    let width = 100.0 * medoid.cluster_size as f64 / whole.max(1) as f64;
+    let purity = report
+        .purity(number - 1)
+        .map(|purity| format!(" · purity {} of {}", purity.alike, purity.known));
+    let robust = report.individuals[medoid.index as usize].robustness;
+    let robust = robust.map(|robustness| format!(" · robust in {}", of_starts(report, robustness)));
     html! {
         div.name {
             h3 id={ "name-" (number) } {
                 span.swatch aria-hidden="true" { (number) }
-                @match name {
-                    Some(name) => { span.class style=[name.colour.map(|colour| format!("--class:{colour}"))] { (name.class.shown()) } },
-                    None => { "Behaviour " (number) },
-                }
+                (heading(report, number - 1))
             }
-            p title=(members) { strong { (part) } " · cluster of " (grouped(medoid.cluster_size)) }
+            p title=(members) { strong { (part) } (purity.unwrap_or_default()) (robust.unwrap_or_default()) }
         }
-        @if let (None, Some(verdict)) = (name, report.judged.medoids.get(number - 1)) {
-            p.judged { "The rule-based judge calls it " (verdict.words()) "." }
-        }
-        @if name.is_some_and(|name| name.by_machine) { p.judged { "Named by the rule-based judge, not by a person." } }
-        @if let Some(carried) = name.and_then(|name| name.carried) {
+        @if let Some(carried) = report.name_of(number - 1).and_then(|name| name.carried) {
             p.judged {
                 "Name carried over from behaviour " (carried.place + 1) " of version " (carried.version) " of the taxonomy: "
                 (grouped(carried.shared)) " of its " (counted(carried.of, "individual")) " are here."
+                @if let Some(verdict) = report.judged.medoids.get(number - 1) {
+                    @if verdict.name() != carried.class.key().as_str() { " " (verdict_in_words(*verdict)) }
+                }
             }
         }
-        div.bar aria-hidden="true" { span style={ "width:" (format!("{width:.2}")) "%" } {} }
     }
+}
+
+/// The name of a behaviour. A question mark follows a name that no person gave to this behaviour.
+fn heading(report: &Report, place: usize) -> Markup {
+    let name = report.name_of(place);
+    let colour = name.and_then(|name| name.colour.map(|colour| format!("--class:{colour}")));
+    html! {
+        @match (name, report.judged.medoids.get(place)) {
+            (Some(name), _) if name.carried.is_some() => { span.class.unsure style=[colour] { (name.class.shown()) "?" } },
+            (Some(name), _) if name.by_machine => {
+                span.class.unsure style=[colour] title="Named by the rule-based judge, not by a person." { (name.class.shown()) "?" }
+                small { "judge" }
+            },
+            (Some(name), _) => { span.class style=[colour] { (name.class.shown()) } },
+            (None, Some(verdict)) => {
+                span.unsure title=(verdict_in_words(*verdict)) { (verdict.words()) "?" }
+                small { "judge" }
+            },
+            (None, None) => { "Behaviour " (place + 1) },
+        }
+    }
+}
+
+fn verdict_in_words(verdict: Verdict) -> String {
+    format!("The rule-based judge calls it {}.", verdict.words())
+}
+
+/// The share of a cluster in all individuals, in percent.
+fn share_of(report: &Report, medoid: &MedoidEntry) -> String {
+    let whole = report.individuals.len().max(1);
+    format!("{:.2}", 100.0 * medoid.cluster_size as f64 / whole as f64)
 }
