@@ -319,11 +319,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
         self.jobs.values().map(|job| job.queues.len()).sum()
     }
 
-    /// Number of tasks of a job without a settled result, and the cost of one task. (0, 0) if the job is over.
+    /// Number of tasks of a job without a settled result; 0 if the job is over.
     #[must_use]
-    pub fn unsettled(&self, job: JobId) -> (usize, u64) {
+    pub fn unsettled(&self, job: JobId) -> usize {
         let job = self.jobs.get(&job);
-        job.map_or((0, 0), |job| (job.tasks.len() - job.settled, job.cost))
+        job.map_or(0, |job| job.tasks.len() - job.settled)
     }
 
     /// Number of threads of all workers that take work, as far as their machines have answered tasks.

@@ -596,8 +596,8 @@ impl Service {
             threads: self.table.threads(),
             ..Load::default()
         };
-        for (&id, _) in open {
-            let (tasks, cost) = self.table.unsettled(id);
+        for (&id, job) in open {
+            let (tasks, cost) = (self.table.unsettled(id), job.submitted.cost());
             load.tasks += tasks;
             load.steps = load.steps.saturating_add(cost.saturating_mul(tasks as u64));
         }

@@ -52,6 +52,8 @@ pub(super) trait AnyJob: fmt::Debug + Send {
     /// Parameters for the lease table. If the work is audited, `audited` decides for each task whether a second machine repeats
     /// the task.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
+    /// Cost of a task in steps of an agent, whatever the weight of its campaign.
+    fn cost(&self) -> u64;
     fn embeds(&self) -> bool;
     /// Whether the tasks are leased after those of the campaign's earlier jobs of this kind.
     fn is_next(&self) -> bool;
@@ -138,6 +140,10 @@ impl<W: Work> AnyJob for Submitted<W> {
         }
     }
 
+    fn cost(&self) -> u64 {
+        self.work.cost()
+    }
+
     fn embeds(&self) -> bool {
         self.work.embeds()
     }
@@ -221,7 +227,7 @@ impl<W: Work> AnyJob for Submitted<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EmbeddingJob;
+    use crate::{EmbeddingJob, embedding_cost};
     use murmuration_model::{EmbedderRef, MachineId, Weight};
     use murmuration_swarm::{CheckpointDigest, Starts};
     use prometheus_client::registry::Registry;
@@ -310,8 +316,14 @@ mod tests {
     fn a_job_of_twice_the_weight_pays_half_for_its_tasks() {
         let cost = |weight: u32| {
             let (job, _answer) = submitted(Weight::try_from(weight).unwrap());
-            job.params(&mut || false).cost
+            (job.params(&mut || false).cost, job.cost())
         };
-        assert_eq!(cost(100), 2 * cost(200));
+        let ((light, cost_of_light), (heavy, cost_of_heavy)) = (cost(100), cost(200));
+        assert_eq!(light, 2 * heavy);
+        // What a worker takes for a task does not depend on the weight.
+        assert_eq!(
+            (cost_of_light, cost_of_heavy),
+            (embedding_cost(Starts::ONE), cost_of_light)
+        );
     }
 }

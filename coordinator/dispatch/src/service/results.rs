@@ -61,7 +61,7 @@ impl Service {
             }
             outcome => match job.submitted.keep(places, outcome, kind) {
                 Ok(votes) => {
-                    let (_, cost) = self.table.unsettled(id);
+                    let cost = job.submitted.cost();
                     self.pace.complete(cost.saturating_mul(votes.len() as u64));
                     if let Some(Given { at, .. }) = given {
                         self.metrics
