@@ -468,13 +468,16 @@ impl Coordinator {
 
 impl Options {
     /// The places of the access file, with the owner of the access files that may be replaced there. No other coordinator uses the
-    /// data directory, so its own access file may be replaced whatever its owner.
+    /// data directory, so its own access file may be replaced whatever its owner. A coordinator that goes on from a mirror replaces the
+    /// access file of the former coordinator, which had another data directory.
     fn access_files(&self) -> Result<Vec<(PathBuf, Option<TokenDigest>)>, StoreError> {
         let Some(publication) = &self.publication else {
             return Ok(Vec::new());
         };
         let owner = LocalToken::of(self.data.path())?.token().digest();
-        let of_user = publication.file.clone().map(|path| (path, Some(owner)));
+        let goes_on = self.mirror.as_ref().is_some_and(|mirror| mirror.from_mirror);
+        let owner = (!goes_on).then_some(owner);
+        let of_user = publication.file.clone().map(|path| (path, owner));
         let own = (access_file_of(self.data.path()), None);
         Ok(of_user.into_iter().chain([own]).collect())
     }

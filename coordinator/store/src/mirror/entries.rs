@@ -215,6 +215,19 @@ impl Entries {
         self.within_limit(limit, found.bytes()).await
     }
 
+    /// Whether there is an entry `number`.
+    pub(super) async fn exists(&self, number: u64) -> Result<bool, MirrorError> {
+        let path = self.objects.path(&name_of(number));
+        match self.within(self.objects.store.head(&path)).await {
+            Ok(_) => Ok(true),
+            Err(MirrorError::Objects {
+                source: object_store::Error::NotFound { .. },
+                ..
+            }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Writes entry `number`, unless another writer has written it. May be repeated with the same bytes after an error, when it is
     /// unknown whether the entry was written.
     pub(super) async fn put(&self, number: u64, entry: &Bytes) -> Result<Placed, MirrorError> {

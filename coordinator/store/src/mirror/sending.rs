@@ -12,12 +12,14 @@ use std::{
     io,
     sync::{Arc, PoisonError, Weak},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 use tokio::{runtime::Builder, task::JoinHandle};
 
 /// Threads that read files and write to a mirror in a folder, at most.
 const THREADS: usize = 8;
+/// Time between two looks for the entry of a successor while nothing is to be sent.
+const PAUSE_TO_LOOK: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 5_000 });
 /// Pause before an attempt is repeated.
 const PAUSE_TO_REPEAT: Duration = Duration::from_millis(if cfg!(test) { 50 } else { 2_000 });
 
@@ -121,9 +123,19 @@ impl Sender {
 
     /// Sends changes until the store is dropped or another process has gone on from the mirror.
     async fn run(mut self, mirror: Weak<Mirror>) {
+        let mut looked = Instant::now();
         while let Some(mirror) = mirror.upgrade() {
             match self.send(&mirror).await {
-                Ok(Placed::Ours) => mirror.wanted().await,
+                Ok(Placed::Ours) if looked.elapsed() < PAUSE_TO_LOOK => mirror.wanted().await,
+                Ok(Placed::Ours) => {
+                    // Without this look, a process that changes nothing would serve what it has, and keep its workers, without end.
+                    // Nothing waits for the mirror, so an error can wait too.
+                    let entries = &self.claimed.entries;
+                    if let Ok(true) = entries.exists(self.claimed.next).await {
+                        return mirror.lose();
+                    }
+                    looked = Instant::now();
+                }
                 Ok(Placed::Another) => return mirror.lose(),
                 Err(error) => {
                     mirror.fail(&error);

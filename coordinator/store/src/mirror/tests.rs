@@ -137,6 +137,17 @@ async fn a_writer_from_whose_mirror_another_has_gone_on_acknowledges_nothing_mor
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_writer_that_changes_nothing_notices_its_successor_too() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    let second = place.start("second", true).await.unwrap();
+    let told = tokio::time::timeout(Duration::from_secs(30), first.store.mirror_taken_over()).await;
+    assert!(matches!(told, Ok(StoreError::MirrorTaken(_))), "{told:?}");
+    second.add(10).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn of_two_that_go_on_at_once_the_last_one_does() {
     let place = Place::new();
     let first = place.start("first", false).await.unwrap();

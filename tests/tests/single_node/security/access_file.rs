@@ -320,6 +320,41 @@ fn an_access_file_replaces_only_an_access_file() {
 }
 
 #[test]
+fn a_coordinator_that_goes_on_from_a_mirror_replaces_the_former_ones_access_file() {
+    let site = Owner::new();
+    let [mirror, shared] = ["mirror", "shared.json"].map(|name| site.text(name));
+    let serve = [
+        "serve",
+        "--workers",
+        "0",
+        "--listen",
+        "127.0.0.1:0",
+        "--access",
+        &shared,
+        "--mirror",
+        &mirror,
+    ];
+    let go_on = [serve.as_slice(), &["--from-mirror"]].concat();
+    let over = |data: &str| Murmuration::over(&site.path(data));
+    let mut first = over("first").start(&serve);
+    first.wait_for("  trainers:");
+    assert_eq!(first.terminate(), Some(0));
+    let of_first = fs::read_to_string(&shared).unwrap();
+    let refused = over("second").run(&serve);
+    check_refused(&refused, "it is the access file of another coordinator");
+    let mut second = over("second").start(&go_on);
+    second.wait_for("  trainers:");
+    assert_ne!(fs::read_to_string(&shared).unwrap(), of_first);
+    let listed = from_elsewhere(&["list", "--access", &shared]);
+    assert_eq!(listed.code, Some(0), "{listed:?}");
+    assert_eq!(second.terminate(), Some(0));
+    // A file of another kind stays.
+    fs::write(&shared, "notes").unwrap();
+    check_refused(&over("third").run(&go_on), "another file is there");
+    assert_eq!(fs::read_to_string(&shared).unwrap(), "notes");
+}
+
+#[test]
 fn two_coordinators_of_one_host_have_cookies_of_their_own() {
     let owners = [Owner::new(), Owner::new()];
     let serving = owners.each_ref().map(|owner| owner.serve(&[]));
