@@ -207,7 +207,8 @@ impl Added {
     }
 }
 
-/// Adds all rows of a file. Returns the campaign's id and the number of rows.
+/// Adds the rows of a file, but for those that are older than the standing answers. Returns the campaign's id and the number of added
+/// answers.
 async fn add(
     connection: &mut Connection,
     campaign: String,
@@ -223,14 +224,51 @@ async fn add(
         let individuals = individuals(connection, &campaign).await?;
         table.check_individuals(&campaign, spec.model(), |index| individuals.get(&index))?;
     }
+    let answers = table.into_answers();
+    let given = answers.len();
+    let answers = without_older(connection, &campaign, answers).await?;
+    if answers.len() < given {
+        errln!(
+            "left out: {} to which their annotators have given a newer answer",
+            counted((given - answers.len()) as u64, "row")
+        );
+    }
+    if answers.is_empty() {
+        return Ok((campaign, 0));
+    }
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),
         request_id: request_id(),
-        answers: table.into_answers(),
+        answers,
     };
     let added = connection.labels.append_labels(request).await?;
     let added = whole(added.into_inner()).await?;
     Ok((campaign, added.entries.len()))
+}
+
+/// The answers, without those with a time before that of the standing answer of the same annotator about the same individual.
+async fn without_older(
+    connection: &mut Connection,
+    campaign: &str,
+    answers: Vec<v1::Answer>,
+) -> Result<Vec<v1::Answer>, CliError> {
+    let request = v1::ListLabelsRequest {
+        campaign: campaign.to_owned(),
+    };
+    let listed = connection.labels.list_labels(request).await?;
+    let standing = whole(listed.into_inner()).await?.labels;
+    let standing = standing.into_iter().filter_map(|label| label.answer);
+    let times: BTreeMap<(u64, String), u64> = standing
+        .map(|answer| ((answer.index, answer.annotator), answer.time_ms))
+        .collect();
+    let is_newest = |answer: &v1::Answer| {
+        // The coordinator spells the name so too.
+        let annotator = answer.annotator.parse::<Annotator>();
+        let annotator = annotator.map_or_else(|_| answer.annotator.clone(), |known| known.to_string());
+        let standing = times.get(&(answer.index, annotator));
+        answer.time_ms == 0 || standing.is_none_or(|&standing| standing <= answer.time_ms)
+    };
+    Ok(answers.into_iter().filter(is_newest).collect())
 }
 
 async fn individuals(

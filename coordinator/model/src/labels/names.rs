@@ -200,7 +200,8 @@ impl FromStr for Annotator {
                 let allowed = "a person's name: `synthetic` is the rule-based judge (`murmuration label --synthetic N`)";
                 Err(Invalid::new("annotator", quoted(text), allowed))
             }
-            false => Self::known(text),
+            // Two Unicode forms of a name are one annotator.
+            false => Self::known(&ComposingNormalizer::new_nfc().normalize(text)),
         }
     }
 }

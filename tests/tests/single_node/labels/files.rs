@@ -49,6 +49,45 @@ fn labels_go_through_files_unchanged() {
 }
 
 #[test]
+fn a_file_that_is_older_than_the_answers_changes_nothing() {
+    let (folder, murmuration) = campaign();
+    let rows = |name: &str, rows: &str| {
+        let file = write(
+            folder.path(),
+            name,
+            &format!("index,class,annotator,time\n{rows}"),
+        );
+        murmuration.run(&["label", "latest", "--csv", &file])
+    };
+    let class = |index: u64| {
+        let labels = murmuration.run(&["labels", "latest", "--json"]).lines();
+        let own = labels.iter().find(|label| label["answer"]["index"] == index);
+        own.unwrap()["answer"]["answer"].clone()
+    };
+    // The name in two Unicode forms is one annotator.
+    let newer = rows("newer.csv", "7,ring,Jos\u{e9},2025-11-21T00:00:00Z\n");
+    assert!(newer.stderr.contains("added 1 answer "), "{}", newer.stderr);
+    let older = rows(
+        "older.csv",
+        "7,clump,Jose\u{301},2025-11-20T00:00:00Z\n8,clump,Jose\u{301},2025-11-20T00:00:00Z\n",
+    );
+    assert!(
+        older.stderr.contains("left out: 1 row to which") && older.stderr.contains("added 1 answer "),
+        "{}",
+        older.stderr
+    );
+    assert_eq!((class(7), class(8)), ("ring".into(), "clump".into()));
+    let again = rows("older.csv", "7,clump,Jos\u{e9},2025-11-20T00:00:00Z\n");
+    assert!(
+        again.code == Some(0) && again.stderr.contains("added 0 answers"),
+        "{}",
+        again.stderr
+    );
+    let newest = rows("newest.csv", "7,wall,Jos\u{e9},2025-11-22T00:00:00Z\n");
+    assert_eq!((newest.code, class(7)), (Some(0), "wall".into()));
+}
+
+#[test]
 fn what_labels_writes_every_command_reads() {
     let (folder, murmuration) = campaign();
     let labelled = murmuration.run(&["label", "latest", "--synthetic", "12"]);
