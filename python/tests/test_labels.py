@@ -129,14 +129,14 @@ def test_label_studios_json_is_read(campaign: mm.Campaign, tmp_path: Path, kind:
 
 def test_label_studios_flat_exports_are_read(campaign: mm.Campaign, tmp_path: Path) -> None:
     rows = [
-        {"image": "/data/1-00003.png", "index": 3, "id": 4, "choice": "milling", "annotator": 21, "updated_at": EARLY},
-        {"image": "/data/1-00003.png", "index": 3, "id": 4, "choice": "random", "annotator": 21, "updated_at": LATE},
-        {"image": "/data/1-00008.png", "index": 8, "id": 5, "choice": "", "annotator": 21, "updated_at": LATE},
+        {"image": "/data/1-00003.png", "index": 3, "id": 4, "choice": "milling", "annotator": 31, "updated_at": EARLY},
+        {"image": "/data/1-00003.png", "index": 3, "id": 4, "choice": "random", "annotator": 31, "updated_at": LATE},
+        {"image": "/data/1-00008.png", "index": 8, "id": 5, "choice": "", "annotator": 31, "updated_at": LATE},
     ]
     rows = [row | {"annotation_id": 901, "created_at": EARLY, "lead_time": 2.5} for row in rows]
     for number, export in enumerate((table(tmp_path, rows), saved(tmp_path, rows), pd.DataFrame(rows))):
         campaign.label(export)
-        assert answers(campaign, "21") == {3: "random"}
+        assert answers(campaign, "31") == {3: "random"}
         campaign.label({3: f"class {number}"}, annotator="21")
 
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pandas as pd  # type: ignore[import-untyped]
 import polars as pl
 import pytest
+import xarray as xr
 
 import murmuration as mm
 from conftest import SPEC
@@ -53,6 +54,30 @@ def test_other_axes_and_names_are_understood(campaign: mm.Campaign) -> None:
     assert found.neighbours["index"][0].as_py() == 7
     with pytest.raises(mm.InvalidError, match="--arena WIDTHxHEIGHT"):
         campaign.recognise(other.assign(x=other["x"] + 1, y=other["y"] + 1), degrees=True)
+
+
+def test_the_times_of_a_dataset_are_its_frames(campaign: mm.Campaign) -> None:
+    poses = campaign.replay(7).poses.astype(np.float64)
+    frames, robots, _ = poses.shape
+
+    def dataset(times: npt.NDArray[np.float64], chosen: npt.NDArray[np.int64], fps: float | None) -> xr.Dataset:
+        names = [f"ant_{robot}" for robot in range(robots)]
+        position = (("time", "space", "individuals"), poses[chosen, :, :2].transpose(0, 2, 1))
+        coordinates = {"time": times[chosen], "space": ["x", "y"], "individuals": names}
+        return xr.Dataset({"position": position}, coordinates, {} if fps is None else {"fps": fps})
+
+    every, halved = np.arange(frames), np.arange(frames - 1, -1, -2)[::-1]
+    numbers = every.astype(np.float64)
+    whole = campaign.recognise(dataset(numbers, every, None), count=1)
+    # A frame of two, and seconds at 30 frames a second.
+    for found in (
+        campaign.recognise(dataset(numbers, halved, None), count=1),
+        campaign.recognise(dataset(numbers / 30, every, 30.0), count=1),
+    ):
+        assert found.neighbours["index"] == whole.neighbours["index"]
+    assert any("a robot looks where it moves" in note for note in whole.notes)
+    with pytest.raises(mm.InvalidError, match=r"the time 0\.5.*frames, or seconds beside fps"):
+        campaign.recognise(dataset(numbers / 2, every, None))
 
 
 def test_what_is_no_table_of_tracks_is_refused(campaign: mm.Campaign) -> None:

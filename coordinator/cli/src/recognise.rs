@@ -16,6 +16,7 @@ use assumed::{Assumed, Compared};
 use film::Film;
 use murmuration_coordinator::local::InProcess;
 use murmuration_embed::{Embedder, Runtime};
+use murmuration_link::errln;
 use murmuration_onnx::EmbedderModel;
 use murmuration_proto::v1;
 use murmuration_report::picture;
@@ -87,7 +88,9 @@ impl Recognise {
         let file = self.film.open()?;
         let find = async |connection: &mut Connection| self.find(connection, file).await;
         let recognised = connection::with(global, InProcess::NONE, find).await?;
-        recognised.assumed.tell();
+        for note in recognised.assumed.notes() {
+            errln!("{note}");
+        }
         shown::show(&recognised, global.json)?;
         match &self.png {
             Some(path) => self.overwrite.write(path, row(&recognised)?),
@@ -116,8 +119,12 @@ impl Recognise {
         let frames = tracks
             .ending(steps, &filmed)
             .map_err(|error| self.film.refused(error))?;
+        let jumps = tracks
+            .check_moves(&frames, &filmed, model.top_speed())
+            .map_err(|error| self.film.refused(error))?;
         let compared = Compared {
             understood,
+            jumps,
             frame_time: self.film.frame_time(&world),
             scale: filmed.scale(),
             steps: frames.len() as u64 - 1,

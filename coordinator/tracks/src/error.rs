@@ -3,7 +3,7 @@
 use crate::{MAX_GAP_FRAMES, RobotName};
 use murmuration_model::csv_file::CsvError;
 use murmuration_swarm::{Invalid, counted, in_full};
-use std::path::PathBuf;
+use std::{fmt, path::PathBuf};
 
 /// Why tracks cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -39,8 +39,30 @@ pub enum TracksError {
         robot: RobotName,
         what: String,
     },
-    #[error("{}, line {line}: the heading {heading} is beyond a whole turn of 2 pi radians", path.display())]
-    Headings { path: PathBuf, line: u64, heading: f64 },
+    #[error("{}: the headings {}", path.display(), headings_in_words(*wrong))]
+    Headings { path: PathBuf, wrong: WrongHeadings },
+    #[error(
+        "{}: the robots move by {} a step on average, and robots of the campaign by at most {}", path.display(), short(*pace),
+        short(*top)
+    )]
+    Fast {
+        path: PathBuf,
+        /// Mean speed of the robots, world units a step.
+        pace: f64,
+        /// The campaign's top speed, world units a step.
+        top: f64,
+    },
+    #[error(
+        "{}: {jump}, as in {} of {} moves: robots that are not seen have empty cells, and a robot keeps its name", path.display(),
+        of[0], of[1]
+    )]
+    Jumps {
+        path: PathBuf,
+        /// The first jump.
+        jump: Box<Jump>,
+        /// Number of jumps, and of all moves.
+        of: [u64; 2],
+    },
     #[error(
         "{}: {} of the positions are inside the walls ({}); the positions span {}", path.display(), percent(*inside),
         in_words(walls), in_words(span)
@@ -69,6 +91,54 @@ pub enum TracksError {
     },
     #[error(transparent)]
     Invalid(#[from] Invalid),
+}
+
+/// A move of a robot that no robot of the campaign can make.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jump {
+    pub robot: RobotName,
+    /// The frames before and after it.
+    pub frames: [u32; 2],
+    /// Its length, world units.
+    pub length: f64,
+}
+
+/// What is wrong with the headings of tracks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WrongHeadings {
+    /// They are in degrees, and were read as radians.
+    Degrees,
+    /// They are in radians, and were read as degrees.
+    Radians,
+    /// They grow from y to x.
+    Mirrored,
+    /// They point across the direction of motion.
+    Across,
+}
+
+impl fmt::Display for Jump {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (robot, [before, after], length) = (&self.robot, self.frames, short(self.length));
+        write!(
+            f,
+            "robot {robot} moves by {length} in the world from frame {before} to {after}, farther than it can"
+        )
+    }
+}
+
+const fn headings_in_words(wrong: WrongHeadings) -> &'static str {
+    match wrong {
+        WrongHeadings::Degrees => {
+            "are no radians: they do not fit the robots' motion, or change by more than a turn in a frame"
+        }
+        WrongHeadings::Radians => "are no degrees: read as radians, they fit the robots' motion",
+        WrongHeadings::Mirrored => {
+            "turn the other way: they fit the robots' motion with the opposite sign, and must grow from x to y"
+        }
+        WrongHeadings::Across => {
+            "point across the robots' motion: without the column, a robot looks where it moves"
+        }
+    }
 }
 
 fn missing([first, last]: [u32; 2]) -> String {

@@ -66,6 +66,8 @@ pub struct Tracks {
     header_lines: usize,
     /// Whether robots that are seldom seen are refused.
     pub(crate) refuses_ghosts: bool,
+    /// Whether the headings of the file were read as degrees.
+    pub(crate) in_degrees: bool,
 }
 
 /// A robot of a film.
@@ -81,9 +83,6 @@ pub(crate) struct Robot {
     seen: u64,
     /// Number of sightings with a heading.
     with_heading: u64,
-    last_heading: Option<f64>,
-    /// The first heading that can be no angle in radians, and the line of its row.
-    strange_heading: Option<(f64, u64)>,
 }
 
 impl Robot {
@@ -95,24 +94,15 @@ impl Robot {
             frames: [frame; 2],
             seen: 0,
             with_heading: 0,
-            last_heading: None,
-            strange_heading: None,
         }
     }
 
     /// Adds the sighting of a row; false if the robot is in this frame already.
-    fn add(&mut self, frame: u32, sighting: Sighting, line: u64) -> bool {
+    fn add(&mut self, frame: u32, sighting: Sighting) -> bool {
         let [first, last] = self.frames;
         self.frames = [first.min(frame), last.max(frame)];
         self.seen += 1;
-        if let Some(heading) = sighting.heading {
-            self.with_heading += 1;
-            // Headings may go on over a turn, as those of `murmuration simulate` do; but no robot begins there, or jumps that far.
-            let before = self.last_heading.replace(heading).unwrap_or_default();
-            if (heading - before).abs() > 1.0001 * std::f64::consts::TAU {
-                self.strange_heading.get_or_insert((heading, line));
-            }
-        }
+        self.with_heading += u64::from(sighting.heading.is_some());
         self.sightings.insert(frame, sighting).is_none()
     }
 
@@ -133,14 +123,14 @@ impl Tracks {
     /// Reads a file.
     ///
     /// # Errors
-    /// Names line and column of the first invalid cell. It is also an error if no robot is seen, if a robot is in a frame twice, if a
-    /// robot has two species, or if headings cannot be radians.
+    /// Names line and column of the first invalid cell. It is also an error if no robot is seen, if a robot is in a frame twice, or if
+    /// a robot has two species.
     pub fn read(TracksFile(mut file): TracksFile<impl Read>, reading: Reading) -> Result<Self, TracksError> {
         let header = file.header().clone();
         let path = header.path();
         let mut robots: BTreeMap<RobotName, Robot> = BTreeMap::new();
         let kept = reading.frames.saturating_add(MAX_GAP_FRAMES + 1);
-        let (mut header_lines, mut last) = (0, 0);
+        let mut header_lines = 0;
         while let Some(row) = file.next().transpose()? {
             if robots.is_empty() && header_lines < MAX_HEADER_LINES && is_of_header(&row) {
                 header_lines += 1;
@@ -155,13 +145,13 @@ impl Tracks {
             let robot = robots
                 .entry(name)
                 .or_insert_with_key(|name| Robot::new(name.clone(), frame));
-            if !robot.add(frame, sighting, row.line()) {
+            if !robot.add(frame, sighting) {
                 let allowed = format!("a frame that robot {} is in once", robot.name);
                 return Err(row.refuse("frame", &allowed).into());
             }
             set_species(robot, &row)?;
-            last = last.max(frame);
-            robot.forget(last.saturating_sub(kept));
+            // A file may have the rows of one robot after those of another, so only the robot's own frames count.
+            robot.forget(robot.frames[1].saturating_sub(kept));
         }
         let min_frames = u64::from(reading.min_frames.unwrap_or_default());
         let (robots, left_out): (Vec<_>, Vec<_>) =
@@ -170,25 +160,18 @@ impl Tracks {
         let Some(frames) = frames(0).min().zip(frames(1).max()) else {
             return Err(TracksError::Empty(path.to_owned()));
         };
-        let strange = robots.iter().find_map(|robot| robot.strange_heading);
-        match strange.filter(|_| !reading.degrees) {
-            Some((heading, line)) => Err(TracksError::Headings {
-                path: path.to_owned(),
-                line,
-                heading,
-            }),
-            None => Ok(Self {
-                path: path.to_owned(),
-                robots,
-                frames: frames.into(),
-                left_out: left_out
-                    .into_iter()
-                    .map(|robot| (robot.name, robot.seen))
-                    .collect(),
-                header_lines,
-                refuses_ghosts: reading.min_frames.is_none(),
-            }),
-        }
+        Ok(Self {
+            path: path.to_owned(),
+            robots,
+            frames: frames.into(),
+            left_out: left_out
+                .into_iter()
+                .map(|robot| (robot.name, robot.seen))
+                .collect(),
+            header_lines,
+            refuses_ghosts: reading.min_frames.is_none(),
+            in_degrees: reading.degrees,
+        })
     }
 
     pub fn robots(&self) -> u32 {
@@ -484,24 +467,13 @@ mod tests {
     }
 
     #[test]
-    fn headings_in_degrees_are_found() {
-        let head = "frame,robot,x,y,heading\n0,0,1,1,0.1\n1,0,1,1,";
-        let refused = parsed(&format!("{head}49.7\n")).unwrap_err();
-        assert_eq!(
-            refused.to_string(),
-            "t.csv, line 3: the heading 49.7 is beyond a whole turn of 2 pi radians"
-        );
+    fn headings_may_be_in_degrees() {
         let degrees = Reading {
             degrees: true,
             ..Reading::default()
         };
-        let tracks = read(&format!("{head}180\n"), degrees).unwrap();
+        let tracks = read("frame,robot,x,y,heading\n0,0,1,1,0.1\n1,0,1,1,180\n", degrees).unwrap();
         assert_eq!(sightings(&tracks, "0")[&1].heading, Some(std::f64::consts::PI));
-        // Headings may be counted on over a whole turn.
-        let turning: String = (0..50)
-            .map(|frame| format!("{frame},0,1,1,{}\n", 0.5 * f64::from(frame)))
-            .collect();
-        assert!(parsed(&format!("frame,robot,x,y,heading\n{turning}")).is_ok());
     }
 
     #[test]

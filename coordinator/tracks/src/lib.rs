@@ -8,10 +8,11 @@ mod error;
 mod file;
 mod filmed;
 mod motion;
+mod moves;
 mod robot_name;
 mod understood;
 
-pub use error::TracksError;
+pub use error::{Jump, TracksError, WrongHeadings};
 pub use file::{COLUMNS, Reading, Tracks, TracksFile, to_csv};
 pub use filmed::{Axes, Filmed, Origin, YAxis};
 pub use motion::MAX_POSES;

@@ -609,8 +609,8 @@ class Campaign:
     def extend(self, generations: int) -> None:
         """Continues the search of this completed campaign to `generations` generations, and makes a new taxonomy.
 
-        The archive becomes that of a campaign that asked for so many generations from the start, unless the campaign has
-        adopted another checkpoint. Call `wait` to follow the search.
+        The archive becomes that of a campaign that asked for so many generations from the start, unless the campaign
+        has adopted another checkpoint. Call `wait` to follow the search.
 
         Args:
             generations: The new number of generations, more than the campaign has.

@@ -32,6 +32,8 @@ class Recognition:
         frames: The first and the last frame.
         inside: Share of the positions that are between the walls, 0 to 1.
         width: The longer side of the rectangle that the positions span, world units.
+        notes: What was understood and assumed, in sentences: robots that were left out, headings that were missing,
+            moves that no robot can make, and what makes the distances mean less.
         features: The five hand-crafted features; float64.
         embedding: The swarm's place in the campaign's embedding; float32, empty without an embedder.
         neighbours: The nearest individuals, nearest first: `index`, `distance`, `cluster` (from 0), `class`.
@@ -44,6 +46,7 @@ class Recognition:
     frames: tuple[int, int]
     inside: float
     width: float
+    notes: tuple[str, ...]
     features: npt.NDArray[np.float64]
     embedding: npt.NDArray[np.float32]
     neighbours: pa.Table
@@ -79,6 +82,7 @@ def recognition(document: Mapping[str, Any]) -> Recognition:
         frames=(document["frames"][0], document["frames"][1]),
         inside=document["inside"],
         width=document["width"],
+        notes=tuple(document["notes"]),
         features=np.array(document["features"], np.float64),
         embedding=np.array(document["embedding"], np.float32),
         neighbours=pa.table(
@@ -110,7 +114,7 @@ def _of_table(tracks: object) -> pa.Table:
 
 
 def _of_dataset(dataset: Any, keypoint: str | None) -> pa.Table:  # noqa: ANN401
-    """The tracks of a dataset, whose frames are numbered from 0. A robot is at the mean of its keypoints, or at one."""
+    """The tracks of a dataset. A robot is at the mean of its keypoints, or at one."""
     position = dataset["position"]
     keypoints = next((name for name in _KEYPOINTS if name in position.dims), None)
     if keypoint is not None:
@@ -127,12 +131,27 @@ def _of_dataset(dataset: Any, keypoint: str | None) -> pa.Table:  # noqa: ANN401
         )
     names = [str(name) for name in position[individuals].values]
     places = position.sel(space=["x", "y"]).transpose("time", individuals, "space").to_numpy()
-    frames = len(places)
+    frames = _frames(dataset)
     return pa.table(
         {
-            "frame": np.repeat(np.arange(frames), len(names)),
-            "robot": names * frames,
+            "frame": np.repeat(frames, len(names)),
+            "robot": names * len(frames),
             "x": places[:, :, 0].ravel(),
             "y": places[:, :, 1].ravel(),
         }
     )
+
+
+def _frames(dataset: Any) -> npt.NDArray[np.int64]:  # noqa: ANN401
+    """The frame of each time of a dataset: its times are frames, or seconds if it has frames per second."""
+    times = np.asarray(dataset["time"].values, np.float64)
+    rate = dataset.attrs.get("fps")
+    in_frames = times * float(rate) if rate else times
+    frames = np.rint(in_frames)
+    is_whole = np.abs(in_frames - frames) < 0.01 if len(frames) else np.array([], bool)
+    if not is_whole.all() or (frames < 0).any():
+        strange = times[~is_whole | (frames < 0)][0]
+        raise InvalidError.of(
+            "tracks", f"a dataset with the time {strange}", "times that are frames, or seconds beside fps"
+        )
+    return frames.astype(np.int64)

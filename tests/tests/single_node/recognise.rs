@@ -195,6 +195,20 @@ fn exchanged(film: &str) -> String {
     })
 }
 
+/// The frames of the film from 30 on, the last first, with headings that went on over five turns.
+fn ending(film: &str) -> String {
+    let turns = 5.0 * std::f64::consts::TAU;
+    let more = rewritten(film, "", |[frame, robot, x, y, heading]| {
+        format!("{frame},{robot},{x},{y},{}", number(heading) + turns)
+    });
+    let rows = more.lines().filter(|row| !row.is_empty());
+    let mut rows: Vec<&str> = rows
+        .filter(|row| number(row.split(',').next().unwrap()) >= 30.0)
+        .collect();
+    rows.reverse();
+    format!("frame,robot,x,y,heading\n{}\n", rows.join("\n"))
+}
+
 /// Each form of a film that a person must be able to use, with the options for it.
 fn readable(film: &str) -> Vec<(&'static str, String, Vec<&'static str>)> {
     let plain = "frame,robot,x,y,heading";
@@ -269,6 +283,7 @@ fn readable(film: &str) -> Vec<(&'static str, String, Vec<&'static str>)> {
         ),
         ("robot by robot, saved by a spreadsheet", by_robot(film), vec![]),
         ("two names exchanged", exchanged(film), vec![]),
+        ("its end, with headings of many turns", ending(film), vec![]),
         (
             "a ghost",
             format!("{film}150,ghost,1,1,0\n151,ghost,1,1,0\n"),
@@ -316,6 +331,12 @@ fn films_that_cannot_be_meant_are_refused_with_the_option_that_mends_them() {
             _ => format!("{frame},{robot},{x},{y},{heading}"),
         }
     });
+    let zeros = rewritten(&film, plain, |[frame, robot, x, y, heading]| {
+        match number(frame) as u64 % 30 {
+            0 => format!("{frame},{robot},0,0,{heading}"),
+            _ => format!("{frame},{robot},{x},{y},{heading}"),
+        }
+    });
     for (film, expected) in [
         (moved(600.0), "0 % of the positions are inside the walls"),
         (moved(-250.0), "--origin centre"),
@@ -330,6 +351,7 @@ fn films_that_cannot_be_meant_are_refused_with_the_option_that_mends_them() {
             "--columns frame=NAME",
         ),
         (one_missing, "x = \"NaN\": must be a finite number"),
+        (zeros, "farther than it can, as in "),
     ] {
         let path = studio.path("film.csv");
         fs::write(&path, film).unwrap();

@@ -269,6 +269,8 @@ pub(crate) struct Recognised<'a> {
     pub(crate) width: f64,
     /// Steps at the end of the tracks that features and picture cover.
     pub(crate) steps: u64,
+    /// What the command understood and assumed, in sentences.
+    pub(crate) notes: Vec<String>,
     #[serde(flatten)]
     pub(crate) behaviour: Behaviour,
     #[serde(flatten)]

@@ -1,14 +1,15 @@
 //! The command's interpretation of the tracks, and its assumptions about missing data.
 
 use super::super::CliError;
-use murmuration_link::errln;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, counted, rounded};
-use murmuration_tracks::{RobotName, Tracks, Understood};
+use murmuration_tracks::{Jump, RobotName, Tracks, Understood};
 
 /// The tracks in the world of the campaign.
 #[derive(Debug)]
 pub(super) struct Compared {
     pub(super) understood: Understood,
+    /// Moves that no robot of the campaign can make.
+    pub(super) jumps: Vec<Jump>,
     /// Time from one frame to the next, in units of the world's time.
     pub(super) frame_time: f64,
     /// World units in one unit of the tracks.
@@ -74,8 +75,8 @@ impl Assumed {
         }
     }
 
-    /// Reports the interpretation of the tracks on stderr.
-    pub(super) fn tell(&self) {
+    /// The interpretation of the tracks, a line for each part.
+    pub(super) fn notes(&self) -> Vec<String> {
         let [first, last] = self.frames;
         let missing = match self.missing {
             0 => String::new(),
@@ -83,7 +84,7 @@ impl Assumed {
         };
         let (frames, Understood { inside, width }) =
             (u64::from(last) - u64::from(first) + 1, self.compared.understood);
-        errln!(
+        let mut notes = vec![format!(
             "tracks: {}, {} ({first} to {last}{missing}); a frame lasts {}, a unit is {} in the world; {:.0} % of the positions are \
              inside the walls, the swarm is {} units wide",
             counted(self.robots.into(), "robot"),
@@ -92,60 +93,63 @@ impl Assumed {
             self.compared.scale,
             100.0 * inside,
             rounded(width, 0)
-        );
+        )];
         for (robot, seen) in &self.left_out {
-            errln!(
+            notes.push(format!(
                 "left out: robot {robot}, which is seen in {}",
                 counted(*seen, "frame")
-            );
+            ));
         }
         if self.header_lines > 0 {
-            errln!(
+            notes.push(format!(
                 "skipped: {} below the names of the columns",
                 counted(self.header_lines as u64, "line")
-            );
+            ));
         }
         if !self.compared.is_complete {
-            errln!("the campaign is not complete: its archive and clusters may change");
+            notes.push("the campaign is not complete: its archive and clusters may change".to_owned());
         }
         if self.share_of_headings < 1.0 {
-            errln!(
+            notes.push(format!(
                 "assumed: a robot looks where it moves, in the {:.0} % of the rows that have no heading",
                 100.0 * (1.0 - self.share_of_headings)
-            );
+            ));
         }
         if self.looks_unknown {
-            errln!(
-                "assumed: sensors with free angles look straight ahead, or as nearly as they can; --controller gives their angles"
-            );
+            notes.push("assumed: sensors with free angles look straight ahead, or as nearly as they can; --controller gives their angles".to_owned());
         }
         if self.counts_unknown {
-            errln!(
-                "assumed: the numbers of robots of the species are those of the first ratio; a column species, or --controller, \
-                 gives the numbers"
-            );
+            notes.push("assumed: the numbers of robots of the species are those of the first ratio; a column species, or --controller, \
+                 gives the numbers".to_owned());
         }
         if self.robots != self.campaign_robots {
-            errln!(
+            notes.push(format!(
                 "the swarms of the campaign have {}, the tracks {}: distances between swarms of different sizes mean little",
                 counted(self.campaign_robots.into(), "robot"),
                 self.robots
-            );
+            ));
         }
         if self.campaign_starts > 1 {
-            errln!(
+            notes.push(format!(
                 "the individuals of the campaign are means over {} starts, and a film shows one start: the film's own individual is \
                  near, but not at distance 0",
                 self.campaign_starts
-            );
+            ));
         }
         if self.compared.steps < self.compared.wanted {
-            errln!(
+            notes.push(format!(
                 "the tracks last only {}, but the campaign's features and pictures show {}: distances mean less",
                 counted(self.compared.steps, "step"),
                 self.compared.wanted
-            );
+            ));
         }
+        if let Some(jump) = self.compared.jumps.first() {
+            notes.push(format!(
+                "{jump} (such moves: {}): two robots may have exchanged their names, or a position is wrong; distances mean less",
+                self.compared.jumps.len()
+            ));
+        }
+        notes
     }
 }
 

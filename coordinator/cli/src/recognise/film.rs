@@ -4,7 +4,9 @@ use super::super::CliError;
 use murmuration_files::{InputKind, open};
 use murmuration_model::csv_file::{ColumnNames, CsvError};
 use murmuration_swarm::{Invalid, World, text::quoted};
-use murmuration_tracks::{Axes, Filmed, Origin, Reading, Tracks, TracksError, TracksFile, YAxis};
+use murmuration_tracks::{
+    Axes, Filmed, Origin, Reading, Tracks, TracksError, TracksFile, WrongHeadings, YAxis,
+};
 use std::{io::Read, path::PathBuf, str::FromStr};
 
 /// Width and height of an arena in the units of the tracks, both greater than 0.
@@ -114,7 +116,17 @@ impl Film {
             TracksError::Gap { .. } | TracksError::Ghost { .. } => {
                 "--min-frames N leaves out robots that are seen in fewer than N frames"
             }
-            TracksError::Headings { .. } => "--degrees reads headings in degrees",
+            TracksError::Headings {
+                wrong: WrongHeadings::Degrees,
+                ..
+            } => "--degrees reads headings in degrees",
+            TracksError::Headings {
+                wrong: WrongHeadings::Radians,
+                ..
+            } => "leave out --degrees",
+            TracksError::Fast { .. } => {
+                "--frame-time TIME or --fps FRAMES gives the time between frames, and --arena WIDTHxHEIGHT the size of the filmed arena"
+            }
             TracksError::Outside { .. } => {
                 "--arena WIDTHxHEIGHT gives the size of the filmed arena in units of the tracks, and --origin centre says that 0, 0 \
                  is its middle"
@@ -125,6 +137,8 @@ impl Film {
             TracksError::File(_)
             | TracksError::Empty(_)
             | TracksError::Short(_)
+            | TracksError::Headings { .. }
+            | TracksError::Jumps { .. }
             | TracksError::Species { .. }
             | TracksError::Invalid(_) => return CliError::Input(error.to_string()),
         };

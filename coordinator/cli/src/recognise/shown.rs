@@ -114,6 +114,7 @@ fn document(recognised: &Recognised) -> json::Recognised<'_> {
         inside: assumed.compared.understood.inside,
         width: assumed.compared.understood.width,
         steps: assumed.compared.steps,
+        notes: assumed.notes(),
         behaviour: json::Behaviour::from(&recognised.evaluation),
         nearest: json::Document(&recognised.nearest),
     }
