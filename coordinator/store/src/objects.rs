@@ -155,7 +155,7 @@ pub(crate) fn folder_of(location: &str) -> Result<Option<PathBuf>, NoPlace> {
     }
 }
 
-/// Makes a folder and its missing parents; their entries are on disk when this returns.
+/// Makes a folder and its missing parents, for this user alone; their entries are on disk when this returns.
 fn make_folder(folder: &Path) -> io::Result<()> {
     if is_there(folder)? && folder.is_dir() {
         return Ok(());
@@ -165,7 +165,10 @@ fn make_folder(folder: &Path) -> io::Result<()> {
         _ => Path::new("."),
     };
     make_folder(above)?;
-    match fs::create_dir(folder) {
+    let mut new = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut new, 0o700);
+    match new.create(folder) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists || !folder.is_dir() => return Err(error),
         _ => {}
     }
