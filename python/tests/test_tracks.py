@@ -52,8 +52,10 @@ def test_other_axes_and_names_are_understood(campaign: mm.Campaign) -> None:
     other["heading"] = -np.degrees(other["heading"])
     found = campaign.recognise(other, arena=(2, 2), origin="centre", y="up", degrees=True, fps=1)
     assert found.neighbours["index"][0].as_py() == 7
-    with pytest.raises(mm.InvalidError, match="--arena WIDTHxHEIGHT"):
+    with pytest.raises(mm.InvalidError, match=r"^tracks: .*`arena=\(WIDTH, HEIGHT\)`"):
         campaign.recognise(other.assign(x=other["x"] + 1, y=other["y"] + 1), degrees=True)
+    with pytest.raises(mm.InvalidError, match=r'`arena=\(WIDTH, HEIGHT\)`.*`origin="centre"`'):
+        campaign.recognise(other.assign(x=other["x"] * 250), degrees=True)
 
 
 def test_the_times_of_a_dataset_are_its_frames(campaign: mm.Campaign) -> None:

@@ -9,13 +9,13 @@ use super::{
     validation::{Validated as _, validated},
 };
 use murmuration_coordinator::local::InProcess;
-use murmuration_embed::{EmbedError, Embedder, Runtime};
+use murmuration_embed::{Embedder, Runtime};
 use murmuration_files::{InputKind, expect_regular, read_bytes};
 use murmuration_link::{OutputError, errln, outln, print};
 use murmuration_onnx::{EmbedderModel, MAX_MODEL_BYTES, with_weights};
 use murmuration_proto::{parts::whole, v1};
 use murmuration_store::DataDirectory;
-use murmuration_swarm::{CheckpointDigest, Lineage, counted, grouped};
+use murmuration_swarm::{CheckpointDigest, Lineage, check_embedding, counted, grouped};
 use std::{
     fmt,
     path::{Path, PathBuf},
@@ -173,7 +173,7 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
         model.dimensions()
     );
     match Runtime::load() {
-        Ok(runtime) => try_out(&runtime, model).map_err(|error| refused(&error))?,
+        Ok(runtime) => try_out(&runtime, model, refused)?,
         Err(_) => errln!("ONNX Runtime is not installed here, so the embedder was not tried out"),
     }
     let parts = Lineage::default().publish_requests(&bytes);
@@ -188,13 +188,22 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
     Ok(())
 }
 
-/// Embeds a black, a white and a striped picture, to find what cannot run or makes infinite numbers before a campaign does.
-fn try_out(runtime: &Runtime, model: EmbedderModel) -> Result<(), EmbedError> {
-    let pixels = model.images().bytes();
+/// Embeds a black, a white and a striped picture, to find what cannot run or makes numbers that a campaign refuses.
+fn try_out(
+    runtime: &Runtime,
+    model: EmbedderModel,
+    refused: impl Fn(&dyn fmt::Display) -> CliError,
+) -> Result<(), CliError> {
+    let (pixels, dimensions) = (model.images().bytes(), model.dimensions());
     let striped: Vec<u8> = (0..pixels).map(|pixel| (pixel % 7 * 42) as u8).collect();
     let pictures = [vec![0; pixels], vec![255; pixels], striped];
-    Embedder::open(runtime, model)?.embed(&pictures.each_ref().map(Vec::as_slice))?;
-    Ok(())
+    let embedded = Embedder::open(runtime, model)
+        .and_then(|mut embedder| embedder.embed(&pictures.each_ref().map(Vec::as_slice)));
+    let embeddings = embedded.map_err(|error| refused(&error))?;
+    let mut checked = embeddings
+        .iter()
+        .map(|embedding| check_embedding(embedding, dimensions));
+    checked.try_for_each(|checked| checked.map_err(|error| refused(&error)))
 }
 
 async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliError> {

@@ -124,6 +124,7 @@ impl Recognise {
             .map_err(|error| self.film.refused(error))?;
         let compared = Compared {
             understood,
+            axes: filmed.axes(),
             jumps,
             frame_time: self.film.frame_time(&world),
             scale: filmed.scale(),

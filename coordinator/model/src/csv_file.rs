@@ -187,7 +187,7 @@ impl<R: Read> CsvFile<R> {
             let path = path.to_owned();
             return Err(CsvError::Separator { path, separator });
         }
-        for column in needed {
+        for column in needed.iter().copied().chain(file.header.names.named()) {
             file.header.need(column)?;
         }
         Ok(file)

@@ -62,6 +62,8 @@ pub struct Tracks {
     frames: [u32; 2],
     /// The robots that were left out, with the number of frames in which each is seen.
     left_out: Vec<(RobotName, u64)>,
+    /// Number of rows that name no robot.
+    nameless: u64,
     /// Number of lines after the header that have units or other names of columns.
     header_lines: usize,
     /// Whether robots that are seldom seen are refused.
@@ -130,7 +132,7 @@ impl Tracks {
         let path = header.path();
         let mut robots: BTreeMap<RobotName, Robot> = BTreeMap::new();
         let kept = reading.frames.saturating_add(MAX_GAP_FRAMES + 1);
-        let mut header_lines = 0;
+        let (mut header_lines, mut nameless) = (0, 0);
         while let Some(row) = file.next().transpose()? {
             if robots.is_empty() && header_lines < MAX_HEADER_LINES && is_of_header(&row) {
                 header_lines += 1;
@@ -139,8 +141,12 @@ impl Tracks {
             let Some((frame, sighting)) = sighting(&row, reading.degrees)? else {
                 continue;
             };
-            let name = RobotName::parse(without_zeros(row.cell("robot")))
-                .filter(|_| !is_no_value(row.cell("robot")));
+            // TrackMate has spots that belong to no track.
+            if is_no_value(row.cell("robot")) {
+                nameless += 1;
+                continue;
+            }
+            let name = RobotName::parse(without_zeros(row.cell("robot")));
             let name = name.ok_or_else(|| row.refuse("robot", "a whole number or a name"))?;
             let robot = robots
                 .entry(name)
@@ -168,6 +174,7 @@ impl Tracks {
                 .into_iter()
                 .map(|robot| (robot.name, robot.seen))
                 .collect(),
+            nameless,
             header_lines,
             refuses_ghosts: reading.min_frames.is_none(),
             in_degrees: reading.degrees,
@@ -230,6 +237,11 @@ impl Tracks {
     /// The robots that are left out, with the number of frames in which each is seen.
     pub fn left_out(&self) -> &[(RobotName, u64)] {
         &self.left_out
+    }
+
+    /// Number of rows with a position that name no robot; they are left out.
+    pub const fn nameless(&self) -> u64 {
+        self.nameless
     }
 
     /// Number of lines after the names of the columns that belong to the header too.
@@ -453,7 +465,14 @@ mod tests {
         assert_eq!(names, ["\"track_2\"", "\"track_10\""]);
         let lacking = named("track,frame_idx,x,y\n", sleap).unwrap_err().to_string();
         assert!(lacking.contains("there is no column \"body.x\""), "{lacking}");
-        // TrackMate has three more lines of names and units.
+        let refused = |columns: &str| named("frame,robot,x,y\n", columns).unwrap_err().to_string();
+        let optional = refused("heading=angle");
+        assert!(optional.contains("there is no column \"angle\""), "{optional}");
+        let twice = refused("x=x,y=x");
+        assert!(twice.contains("must be pairs with \"x\" once"), "{twice}");
+        // TrackMate has spots without a track, and three more lines of names and units.
+        let spots = parsed("frame,robot,x,y\n0,,1,2\n0,4,1,2\n1,None,1,2\n").unwrap();
+        assert_eq!((spots.robots(), spots.nameless()), (1, 2));
         let columns = "robot=TRACK_ID,frame=FRAME,x=POSITION_X,y=POSITION_Y";
         let text = "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Track ID,X,Y,Frame\nLabel,Track ID,X,Y,Frame\n,,(micron),(micron),\nID0,0,1,2,0\n";
         let trackmate = named(text, columns).unwrap();

@@ -99,6 +99,10 @@ impl<'a> Filmed<'a> {
         })
     }
 
+    pub const fn axes(&self) -> Axes {
+        self.axes
+    }
+
     /// World units per unit of the tracks.
     pub const fn scale(&self) -> f64 {
         self.scale

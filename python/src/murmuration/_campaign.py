@@ -28,6 +28,7 @@ from ._errors import AnswerError, CampaignError, InvalidError, NotFoundError, Re
 from ._found import Replay, Taxonomy, replay_of, taxonomy_of
 from ._progress import Bar
 from ._tracks import Recognition, recognition
+from ._tracks import in_python as tracks_in_python
 from ._tracks import write as write_tracks
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as label_v1
@@ -508,7 +509,10 @@ class Campaign:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "tracks.csv")
             write_tracks(tracks, keypoint, file)
-            return recognition(self._client.command("recognise", os.fspath(file), *words))
+            try:
+                return recognition(self._client.command("recognise", os.fspath(file), *words))
+            except InvalidError as error:
+                raise tracks_in_python(error, file) from None
 
     def report(self, folder: str | os.PathLike[str]) -> Path:
         """Writes the report of a completed campaign, and returns the path of its page.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,6 +97,20 @@ def recognition(document: Mapping[str, Any]) -> Recognition:
         medoid=int(document["medoid"]["index"]),
         is_unlike=document["is_unlike"],
     )
+
+
+def in_python(error: InvalidError, file: Path) -> InvalidError:
+    """An error of the command with the arguments of `Campaign.recognise` instead of options."""
+    message = str(error).replace(f"{file}", "tracks")
+    message = re.sub(r"--arena WIDTHxHEIGHT", "`arena=(WIDTH, HEIGHT)`", message)
+    message = re.sub(r"--(frame-time TIME|fps FRAMES|min-frames N|origin centre)", _argument, message)
+    return error.reworded(message.replace("--degrees", "`degrees=True`"))
+
+
+def _argument(option: re.Match[str]) -> str:
+    name, value = option[1].split(" ")
+    given = f'"{value}"' if value.islower() else value
+    return f"`{name.replace('-', '_')}={given}`"
 
 
 def _is_dataset(tracks: object) -> bool:

@@ -2,12 +2,13 @@
 
 use super::super::CliError;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, counted, rounded};
-use murmuration_tracks::{Jump, RobotName, Tracks, Understood};
+use murmuration_tracks::{Axes, Jump, Origin, RobotName, Tracks, Understood, YAxis};
 
 /// The tracks in the world of the campaign.
 #[derive(Debug)]
 pub(super) struct Compared {
     pub(super) understood: Understood,
+    pub(super) axes: Axes,
     /// Moves that no robot of the campaign can make.
     pub(super) jumps: Vec<Jump>,
     /// Time from one frame to the next, in units of the world's time.
@@ -35,6 +36,8 @@ pub(super) struct Assumed {
     pub(super) compared: Compared,
     /// The robots that are left out, with the number of frames in which each is seen.
     left_out: Vec<(RobotName, u64)>,
+    /// Number of rows that name no robot.
+    nameless: u64,
     /// Number of lines below the header that were skipped.
     header_lines: usize,
     /// Whether the direction of sensors depends on an unknown controller.
@@ -67,6 +70,7 @@ impl Assumed {
             share_of_headings: tracks.share_of_headings(),
             compared,
             left_out: tracks.left_out().to_vec(),
+            nameless: tracks.nameless(),
             header_lines: tracks.header_lines(),
             looks_unknown: !is_known && is_free,
             counts_unknown: !is_known && model.ratios().len() > 1 && !tracks.names_species(),
@@ -86,18 +90,32 @@ impl Assumed {
             (u64::from(last) - u64::from(first) + 1, self.compared.understood);
         let mut notes = vec![format!(
             "tracks: {}, {} ({first} to {last}{missing}); a frame lasts {}, a unit is {} in the world; {:.0} % of the positions are \
-             inside the walls, the swarm is {} units wide",
+             inside the walls, the swarm is {} units wide; 0, 0 is {}, y points {}",
             counted(self.robots.into(), "robot"),
             counted(frames, "frame"),
             self.compared.frame_time,
             self.compared.scale,
             100.0 * inside,
-            rounded(width, 0)
+            rounded(width, 0),
+            match self.compared.axes.origin {
+                Origin::Corner => "a corner",
+                Origin::Centre => "the middle",
+            },
+            match self.compared.axes.y {
+                YAxis::Down => "down",
+                YAxis::Up => "up",
+            }
         )];
         for (robot, seen) in &self.left_out {
             notes.push(format!(
                 "left out: robot {robot}, which is seen in {}",
                 counted(*seen, "frame")
+            ));
+        }
+        if self.nameless > 0 {
+            notes.push(format!(
+                "left out: {} without a robot",
+                counted(self.nameless, "row")
             ));
         }
         if self.header_lines > 0 {

@@ -114,7 +114,8 @@ impl Film {
                 "--columns frame=NAME,robot=NAME,x=NAME,y=NAME gives the names of the columns"
             }
             TracksError::Gap { .. } | TracksError::Ghost { .. } => {
-                "--min-frames N leaves out robots that are seen in fewer than N frames"
+                "--min-frames N leaves out robots that are seen in fewer than N frames; if all robots are missing there, frames must \
+                 be numbered 0, 1, 2, and --frame-time TIME gives the time between them"
             }
             TracksError::Headings {
                 wrong: WrongHeadings::Degrees,

@@ -18,6 +18,11 @@ impl ColumnNames {
         self.0.contains_key(column)
     }
 
+    /// Our names of the columns that have another name in the file.
+    pub(super) fn named(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
     /// Checks that only columns among `known` are named.
     ///
     /// # Errors
@@ -46,12 +51,15 @@ impl FromStr for ColumnNames {
                 let allowed = "pairs of our name and the file's name, such as frame=frame_idx,robot=track";
                 return Err(Invalid::new("columns", quoted(text), allowed));
             };
+            let twice = |name: &str| {
+                let allowed = format!("pairs with {} once", quoted(name));
+                Invalid::new("columns", quoted(text), allowed)
+            };
+            if names.values().any(|known| known == theirs) {
+                return Err(twice(theirs));
+            }
             if names.insert(ours.to_owned(), theirs.to_owned()).is_some() {
-                return Err(Invalid::new(
-                    "columns",
-                    quoted(text),
-                    format!("one name for {ours}"),
-                ));
+                return Err(twice(ours));
             }
         }
         Ok(Self(names))
