@@ -99,6 +99,20 @@ def test_on_dask_each_worker_has_a_worker_of_ours_and_a_killed_one_is_replaced(d
         wait_until(lambda: len(workers(client)) == 1)
 
 
+def test_a_later_dask_worker_without_programs_is_told(caplog: pytest.LogCaptureFixture, tmp_path: Path) -> None:
+    import distributed
+
+    with (
+        distributed.LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as dask,
+        mm.on_dask(dask, trainers=0, programs_there=str(tmp_path)) as client,
+    ):
+        cluster.scale(1)
+        wait_until(lambda: "takes no work" in caplog.text)
+        assert "name the folder that it is in (`programs_there`)" in caplog.text
+        assert not workers(client)
+
+
 def test_dask_scales_by_the_open_work() -> None:
     import distributed
 
@@ -108,7 +122,13 @@ def test_dask_scales_by_the_open_work() -> None:
         mm.on_dask(dask, trainers=0) as client,
     ):
         cluster.adapt(
-            Adaptive=mm.DaskAdaptive, murmuration=client, minimum=0, maximum=2, interval="200ms", wait_count=3
+            Adaptive=mm.DaskAdaptive,
+            murmuration=client,
+            seconds=600,
+            minimum=0,
+            maximum=2,
+            interval="200ms",
+            wait_count=3,
         )
         assert client.workers_wanted() == 0
         campaign = client.submit(LONGER | {"name": "scaled"})

@@ -40,7 +40,13 @@ class Workers(WorkerPlugin):
     def setup(self, worker: distributed.Worker) -> None:
         """Starts the worker."""
         name = f"dask {worker.name}"
-        self._process = WorkerProcess(self._access, name, worker.state.nthreads, self._programs)
+        try:
+            self._process = WorkerProcess(self._access, name, worker.state.nthreads, self._programs)
+        except MurmurationError as error:
+            # Dask tells the client only of workers that are there when the plugin is registered.
+            reason = str(error).replace("`programs`", "`programs_there`")
+            worker.log_event(self.name, f"Dask worker {worker.name} takes no work: {reason}")
+            raise
 
     async def teardown(self, worker: distributed.Worker) -> None:  # noqa: ARG002
         """Ends the worker, which returns the work that it has not begun."""
@@ -75,9 +81,13 @@ class DaskAdaptive(Adaptive):
         >>> cluster.adapt(Adaptive=mm.DaskAdaptive, murmuration=client, maximum=20)  # doctest: +SKIP
     """
 
-    def __init__(self, cluster: Any, *, murmuration: Client, **options: Any) -> None:  # noqa: ANN401
-        """`murmuration` is the client whose coordinator's work counts; `options` are those of Dask's `Adaptive`."""
+    def __init__(self, cluster: Any, *, murmuration: Client, seconds: float | None = None, **options: Any) -> None:  # noqa: ANN401
+        """`murmuration` is the client whose coordinator's work counts; `options` are those of Dask's `Adaptive`.
+
+        The open work should be done within about `seconds`, by default five minutes.
+        """
         self._murmuration = murmuration
+        self._seconds = seconds
         super().__init__(cluster, **options)
 
     def _threads(self) -> int | None:
@@ -93,7 +103,7 @@ class DaskAdaptive(Adaptive):
         if self._murmuration.rpc.is_closed:
             return others
         try:
-            wanted = await asyncio.to_thread(self._murmuration.workers_wanted, self._threads())
+            wanted = await asyncio.to_thread(self._murmuration.workers_wanted, self._threads(), seconds=self._seconds)
         except MurmurationError as error:
             # The coordinator may be starting again. An error would end the scaling.
             _LOG.warning("the number of wanted workers is unknown, so it stays as it is: %s", error)
@@ -128,7 +138,8 @@ def on_dask(
         programs_there: The folder of the programs on the Dask workers; by default where pip put them, or the PATH.
 
     Raises:
-        ProgramError: If the coordinator cannot start, or a Dask worker has no program.
+        ProgramError: If the coordinator cannot start, or a Dask worker has no program. A Dask worker that comes later
+            without a program takes no work, and a warning of the logger `murmuration` says so.
 
     Example:
         >>> with mm.on_dask(dask) as client:  # doctest: +SKIP
@@ -137,6 +148,7 @@ def on_dask(
 
     def start(text: str) -> Callable[[], None]:
         plugin = Workers(text, programs_there)
+        dask.subscribe_topic(plugin.name, _warn)
         try:
             dask.register_plugin(EndWithClient(dask.id, plugin.name))
             dask.register_plugin(plugin)
@@ -152,10 +164,16 @@ def on_dask(
     return hosting(start, access=access, data=data, trainers=trainers, contact=contact, programs=programs)
 
 
+def _warn(event: tuple[float, str]) -> None:
+    _, message = event
+    _LOG.warning("%s", message)
+
+
 def _unregister(dask: distributed.Client, name: str) -> None:
     # A Dask cluster that has ended took the workers with it.
     if dask.status != "running":
         return
+    dask.unsubscribe_topic(name)
     try:
         dask.unregister_worker_plugin(name)
     except Exception as error:
