@@ -41,7 +41,7 @@ missing for up to 25 frames in a row is interpolated. Without headings, a robot 
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --seed 7 --tracks tracks.csv
   murmuration recognise tracks.csv
-  murmuration recognise tracks.csv --frame-time 0.5 --arena 500x500 --png row.png
+  murmuration recognise tracks.csv --frame-time 2 --arena 500x500 --png row.png
   murmuration recognise sleap.csv --columns frame=frame_idx,robot=track,x=body.x,y=body.y")]
 pub struct Recognise {
     #[command(flatten)]
