@@ -110,21 +110,21 @@ impl BlobStore {
         self.mirror = Some(mirror);
     }
 
-    /// Copies a checkpoint between the blob store and its mirror, if one of them lacks it.
+    /// Copies a checkpoint between the blob store and its mirror, if one of them lacks it, or the mirror has it in part.
     pub(super) async fn copy_missing(&self, digest: CheckpointDigest) -> Result<(), CheckpointError> {
         let Some(mirror) = &self.mirror else { return Ok(()) };
         let other = Self {
             objects: mirror.clone(),
             mirror: None,
         };
-        match (self.get(digest).await, other.has(digest).await?) {
-            (Ok(bytes), false) => other.put(digest, bytes).await,
-            (Ok(_), true) | (Err(CheckpointError::Missing { .. }), false) => Ok(()),
-            (Err(damaged @ CheckpointError::Damaged { .. }), false) => {
+        match (self.get(digest).await, other.size(digest).await?) {
+            (Ok(bytes), size) if size != Some(bytes.len() as u64) => other.put(digest, bytes).await,
+            (Ok(_), _) | (Err(CheckpointError::Missing { .. }), None) => Ok(()),
+            (Err(damaged @ CheckpointError::Damaged { .. }), None) => {
                 tracing::warn!("{damaged}");
                 Ok(())
             }
-            (Err(CheckpointError::Missing { .. } | CheckpointError::Damaged { .. }), true) => {
+            (Err(CheckpointError::Missing { .. } | CheckpointError::Damaged { .. }), Some(_)) => {
                 let copy = async { self.put(digest, other.get(digest).await?).await };
                 if let Err(error) = copy.await {
                     tracing::warn!(%digest, %error, "a checkpoint of the mirror could not be copied");
@@ -135,10 +135,11 @@ impl BlobStore {
         }
     }
 
-    async fn has(&self, digest: CheckpointDigest) -> Result<bool, CheckpointError> {
+    /// Number of bytes that are kept for a checkpoint; `None` if there are none.
+    async fn size(&self, digest: CheckpointDigest) -> Result<Option<u64>, CheckpointError> {
         match self.objects.store.head(&self.object(digest)).await {
-            Ok(_) => Ok(true),
-            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Ok(found) => Ok(Some(found.size)),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }
     }
@@ -244,4 +245,30 @@ fn io_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a io::Error> {
         next = error.source();
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[tokio::test]
+    async fn a_checkpoint_and_its_copy_heal_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut own = BlobStore::open(folder.path(), None).unwrap();
+        own.mirror_to(Objects::in_folder(folder.path().join("mirror")).unwrap());
+        let bytes = Bytes::from_static(b"an embedder");
+        let digest = CheckpointDigest::of(&bytes);
+        let places = [BlobStore::FOLDER, "mirror"].map(|of| folder.path().join(of).join(file_name(digest)));
+        own.put(digest, bytes.clone()).await.unwrap();
+        for place in &places {
+            // Cut, and missing.
+            fs::write(place, &bytes[..4]).unwrap();
+            own.copy_missing(digest).await.unwrap();
+            assert_eq!(fs::read(place).unwrap(), bytes);
+            fs::remove_file(place).unwrap();
+            own.copy_missing(digest).await.unwrap();
+            assert_eq!(fs::read(place).unwrap(), bytes);
+        }
+    }
 }
