@@ -344,12 +344,21 @@ impl Followed {
         if node.output.first().is_none_or(String::is_empty) {
             return Err("its first output must have a name".to_owned());
         }
-        if node
+        let further: Vec<_> = node
             .output
             .iter()
             .skip(outputs.len())
-            .any(|name| !name.is_empty())
-        {
+            .filter(|name| !name.is_empty())
+            .collect();
+        if node.op_type == "LayerNormalization" {
+            // PyTorch's exporters name the mean and the deviation too, which no node uses. They are smaller than the input.
+            for name in further {
+                budget.keep(outputs[0].elements())?;
+                if self.values.contains_key(name) {
+                    return Err("its output has the name of another value".to_owned());
+                }
+            }
+        } else if !further.is_empty() {
             return Err(format!(
                 "only its first {} can be used",
                 counted(outputs.len() as u64, "output")

@@ -218,6 +218,32 @@ fn constants_are_whole_and_in_the_file() {
 }
 
 #[test]
+fn outputs_of_a_normalisation_that_nothing_uses_are_allowed() {
+    let normalised = |used: &str| {
+        let mut model = small();
+        let graph = graph(&mut model);
+        let scale = TensorProto {
+            name: "size".to_owned(),
+            dims: vec![3],
+            data_type: 1,
+            float_data: vec![1.0; 3],
+            ..TensorProto::default()
+        };
+        graph.initializer.push(scale);
+        let embedding = graph.output[0].name.clone();
+        append(graph, "LayerNormalization", &[&embedding, "size"], Vec::new());
+        let last = graph.node.last_mut().unwrap();
+        last.output.extend(["mean".to_owned(), "deviation".to_owned()]);
+        graph.output[0].name = used.to_owned();
+        model.opset_import[0].version = 17;
+        EmbedderModel::read(&model.encode_to_vec()).map_err(|error| error.to_string())
+    };
+    assert_eq!(normalised("last").unwrap().dimensions(), 3);
+    let refused = normalised("mean").unwrap_err();
+    assert!(refused.contains("is made by no node"), "{refused}");
+}
+
+#[test]
 fn only_known_operators_with_fitting_inputs() {
     check_refused("Loop (e): this operator is not among those", |graph| {
         node(graph, "e").op_type = "Loop".to_owned()
