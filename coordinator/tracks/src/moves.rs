@@ -146,7 +146,7 @@ fn headed_moves(robot: &Robot, first: u32, filmed: &Filmed<'_>) -> Vec<[f64; 2]>
     for (&frame, middle) in sightings {
         let around = (1..=MOST_FRAMES).find_map(|frames| {
             let before = robot.sightings.get(&frame.checked_sub(frames)?)?;
-            let after = robot.sightings.get(&(frame + frames))?;
+            let after = robot.sightings.get(&frame.checked_add(frames)?)?;
             let [x, y] = filmed.world.way(filmed.place(before.at), filmed.place(after.at));
             (x.hypot(y) > filmed.still()).then(|| y.atan2(x))
         });
@@ -235,6 +235,17 @@ mod tests {
         assert_eq!(
             fast.to_string(),
             "t.csv: the robots move by 2.997 a step on average, and robots of the campaign by at most 2"
+        );
+    }
+
+    #[test]
+    fn the_last_frames_that_a_number_can_have_are_checked_too() {
+        let rows: String = (0..30)
+            .map(|step| format!("{},0,{},100,0\n", u32::MAX - 29 + step, 100 + step))
+            .collect();
+        assert_eq!(
+            checked(&format!("frame,robot,x,y,heading\n{rows}"), false, 1.0),
+            Ok(Vec::new())
         );
     }
 
