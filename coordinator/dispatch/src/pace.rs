@@ -11,7 +11,7 @@ pub(super) struct Pace {
     /// Seconds of threads that held tasks, up to the last completion.
     busy: f64,
     /// Cost of the completed tasks, in steps of an agent.
-    steps: f64,
+    pub(super) steps: f64,
     /// Seconds of threads that have held tasks since the last completion, and the seconds during which there was such a thread.
     open: (f64, f64),
     looked: Option<Instant>,

@@ -1,7 +1,7 @@
 //! Tests of the service without its task: messages are taken one by one.
 
 use super::*;
-use crate::{EmbeddingJob, Families, PeerKind, Share, submitted::Submitted};
+use crate::{EmbeddingJob, Families, PeerKind, Share, embedding_cost, submitted::Submitted};
 use murmuration_model::{CampaignRecord, EmbedderRef, Origin, TrainingPictures, Weight};
 use murmuration_proto::v1::{batch_result::Outcome, coordinator_message::Message};
 use murmuration_swarm::{CampaignSpec, CheckpointDigest, Starts, training::Configuration};
@@ -122,6 +122,21 @@ fn before_the_last_vote() -> (Service, Peer, v1::LeaseId, oneshot::Receiver<impl
     let mut third = Peer::join(&mut service, 3);
     let last = third.ask(&mut service);
     (service, third, last, results)
+}
+
+#[test]
+#[allow(clippy::float_cmp, reason = "the cost of one task is a whole number")]
+fn the_pace_counts_the_plain_cost_of_tasks() {
+    let mut service = service();
+    let mut worker = Peer::join(&mut service, 1);
+    let (job, _results) = Submitted::new(two_pictures());
+    service.take(Request::Submit {
+        job: Box::new(job),
+        job_progress: Arc::default(),
+    });
+    let lease = worker.ask(&mut service);
+    worker.answer(&mut service, lease);
+    assert_eq!(service.pace.steps, embedding_cost(Starts::ONE) as f64);
 }
 
 #[test]
