@@ -92,6 +92,9 @@ impl Runtime {
     /// # Errors
     /// [`RuntimeError::OtherDevices`], or [`RuntimeError::DeviceUnusable`] if a network of one node does not open on the device.
     pub fn on(self, device: Device) -> Result<Self, RuntimeError> {
+        if device == self.device {
+            return Ok(self);
+        }
         let runtime = Self { device, ..self };
         runtime.try_device()?;
         Ok(runtime)
@@ -379,9 +382,10 @@ mod tests {
     fn a_device_is_tried_before_it_embeds() {
         let runtime = Runtime::load().unwrap();
         let kind = runtime.kind();
-        // A processor opens the network that tries a device.
-        let on_cpu = runtime.clone().on(Device::Cpu).unwrap();
-        assert_eq!(on_cpu.kind(), kind);
+        assert!(
+            runtime.try_device().is_ok(),
+            "a processor opens the network that tries a device"
+        );
         match runtime.clone().on(Device::Cuda) {
             Ok(card) => assert_ne!(card.kind(), kind),
             Err(RuntimeError::OtherDevices { library, .. }) => assert_eq!(library, runtime.library()),
