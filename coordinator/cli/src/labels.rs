@@ -252,6 +252,10 @@ async fn without_older(
     campaign: &str,
     answers: Vec<v1::Answer>,
 ) -> Result<Vec<v1::Answer>, CliError> {
+    // An answer without a time is given now.
+    if answers.iter().all(|answer| answer.time_ms == 0) {
+        return Ok(answers);
+    }
     let request = v1::ListLabelsRequest {
         campaign: campaign.to_owned(),
     };
