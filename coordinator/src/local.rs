@@ -19,7 +19,7 @@ pub struct InProcess {
     pub workers: usize,
     /// Number of trainers. They share the process's thread pool.
     pub trainers: usize,
-    /// What embeds the workers' pictures.
+    /// Device on which the workers embed.
     pub embed_on: Device,
 }
 

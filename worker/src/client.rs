@@ -38,7 +38,7 @@ pub struct Options {
     pub threads: NonZeroUsize,
     /// Folder for up to 1 GiB of checkpoints, created at its first use. Several workers can share a folder.
     pub cache: PathBuf,
-    /// What embeds pictures.
+    /// Device on which this worker embeds.
     pub embed_on: Device,
 }
 

@@ -24,7 +24,7 @@ struct Arguments {
     /// Folder for cached checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
-    /// What embeds pictures; a card needs a build of ONNX Runtime for it
+    /// Device that embeds pictures; `cuda` needs a build of ONNX Runtime for CUDA
     #[arg(
         long,
         env = "MURMURATION_EMBED_ON",

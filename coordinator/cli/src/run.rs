@@ -65,7 +65,7 @@ pub struct InProcessArgs {
     /// Trainers in this process [default: 1, or 0 with --workers 0]
     #[arg(long, env = "MURMURATION_TRAINERS", value_name = "N", value_parser = at_most_4096())]
     trainers: Option<usize>,
-    /// What embeds pictures in this process; a card needs a build of ONNX Runtime for it
+    /// Device on which the workers of this process embed; `cuda` needs a build of ONNX Runtime for CUDA
     #[arg(
         long,
         env = "MURMURATION_EMBED_ON",

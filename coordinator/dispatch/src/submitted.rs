@@ -320,7 +320,7 @@ mod tests {
         };
         let ((light, cost_of_light), (heavy, cost_of_heavy)) = (cost(100), cost(200));
         assert_eq!(light, 2 * heavy);
-        // What a worker takes for a task does not depend on the weight.
+        // The time of a task does not depend on the weight.
         assert_eq!(
             (cost_of_light, cost_of_heavy),
             (embedding_cost(Starts::ONE), cost_of_light)

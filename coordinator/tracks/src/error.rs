@@ -103,7 +103,7 @@ pub struct Jump {
     pub length: f64,
 }
 
-/// What is wrong with the headings of tracks.
+/// An error in the headings of tracks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WrongHeadings {
     /// They are in degrees, and were read as radians.

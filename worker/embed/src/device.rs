@@ -8,7 +8,7 @@ use ort::{
 };
 use std::fmt;
 
-/// What embeds pictures.
+/// A device that embeds pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, clap::ValueEnum)]
 pub enum Device {
     /// The processor.

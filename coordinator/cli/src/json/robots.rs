@@ -269,7 +269,7 @@ pub(crate) struct Recognised<'a> {
     pub(crate) width: f64,
     /// Steps at the end of the tracks that features and picture cover.
     pub(crate) steps: u64,
-    /// What the command understood and assumed, in sentences.
+    /// Sentences about how the command read the tracks, and about its assumptions.
     pub(crate) notes: Vec<String>,
     #[serde(flatten)]
     pub(crate) behaviour: Behaviour,

@@ -1,4 +1,4 @@
-//! What a data directory remembers of its mirror: the file `mirror.json`.
+//! The file `mirror.json`: a data directory records its mirrors there, and who wrote to them.
 
 use super::{MirrorError, entries::Entry};
 use crate::{
@@ -155,7 +155,7 @@ impl Writers {
         }
     }
 
-    /// What the directory remembers while it claims the mirror `here`. Without a database, it no longer knows what wrote to others.
+    /// The record while the directory claims the mirror `here`. Without a database, the record loses the writers of other mirrors.
     pub(super) fn with(&self, here: Known, has_database: bool) -> Self {
         let is_other = |known: &&Known| !known.mirror.is_empty() && known.mirror != here.mirror;
         let others = self.all().filter(is_other).cloned();
