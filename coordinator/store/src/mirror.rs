@@ -30,14 +30,18 @@ use std::{
     io,
     os::unix::fs::MetadataExt as _,
     path::{self, Path, PathBuf},
+    time::{Duration, Instant},
 };
 use writers::{Known, RememberedClaim, Writers};
 pub(crate) use writers::{expect_none, note_snapshot};
 
 /// Payload of the claim of a process whose data directory has a database. Other claims have none.
 const CLAIM_WITH_DATA: &[u8] = b"data";
-/// Attempts to write the first entry, while a former coordinator still writes.
-const CLAIMS: usize = 20;
+/// Time for attempts to write the first entry, while a former coordinator still writes. Labels of a group of people leave gaps
+/// between entries, but not soon.
+const CLAIM_LIMIT: Duration = Duration::from_secs(if cfg!(test) { 10 } else { 60 });
+/// Longest pause after such an attempt. The pause is random, so that two processes that claim do not keep step.
+const LONGEST_CLAIM_PAUSE_MS: u64 = 300;
 
 /// Why a mirror cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -82,6 +86,15 @@ pub enum MirrorError {
     NoFence(String),
     #[error("others write to the mirror {0} all the time: end them first")]
     Contested(String),
+    #[error(
+        "the mirror {place} cannot keep the database, {bytes} bytes, once more: {source}; make room for it, so that the coordinator that \
+         has the mirror does not end in vain"
+    )]
+    NoRoom {
+        place: String,
+        bytes: u64,
+        source: Box<MirrorError>,
+    },
     #[error("the mirror's copy of the database cannot be written: {0}")]
     File(#[from] io::Error),
     #[error(transparent)]
@@ -97,6 +110,7 @@ impl MirrorError {
                 | Self::NotEmpty { .. }
                 | Self::NoFence(_)
                 | Self::Contested(_)
+                | Self::NoRoom { .. }
                 | Self::Gone(_)
                 | Self::Damaged { .. }
         )
@@ -208,7 +222,8 @@ impl Claimed {
         let has_database = claiming.inode.is_some();
         let mut restore: Option<Restore> = None;
         let mut missing = None;
-        for _ in 0..CLAIMS {
+        let last = Instant::now() + CLAIM_LIMIT;
+        while Instant::now() < last {
             let all = self.entries.list().await?;
             let (mut former, mut restores) = (String::new(), false);
             let mut had_data = writers.had_data_in(place);
@@ -284,6 +299,8 @@ impl Claimed {
                 };
             }
             missing = None;
+            let pause = getrandom::u64().unwrap_or_default() % LONGEST_CLAIM_PAUSE_MS;
+            tokio::time::sleep(Duration::from_millis(pause)).await;
         }
         Err(match missing {
             Some(reason) => MirrorError::Damaged {
@@ -329,10 +346,26 @@ impl Claimed {
         match restore.check().await {
             Err(MirrorError::Store(StoreError::Damaged { reason, .. })) => {
                 let path = restore.keep(data)?;
-                Err(StoreError::Damaged { path, reason }.into())
+                return Err(StoreError::Damaged { path, reason }.into());
             }
-            checked => checked.map(|()| restore),
+            checked => checked?,
         }
+        self.expect_room(&restore).await?;
+        Ok(restore)
+    }
+
+    /// Checks that the mirror can keep the first snapshot of this process. Only a mirror in a folder has a disk that can be full.
+    async fn expect_room(&self, restore: &Restore) -> Result<(), MirrorError> {
+        if self.entries.objects.folder().is_none() {
+            return Ok(());
+        }
+        let bytes = restore.bytes()?;
+        let tried = self.entries.try_room(bytes, &self.writer).await;
+        tried.map_err(|source| MirrorError::NoRoom {
+            place: self.entries.objects.to_string(),
+            bytes,
+            source: Box::new(source),
+        })
     }
 
     async fn put_in_place(

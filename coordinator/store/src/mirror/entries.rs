@@ -319,6 +319,27 @@ impl Entries {
         }
     }
 
+    /// Writes an object of `bytes` bytes, and gives it up again before it has its name.
+    pub(super) async fn try_room(&self, bytes: u64, writer: &str) -> Result<(), MirrorError> {
+        let path = self.objects.path(&format!("{TRIALS}/{writer}"));
+        let mut upload = self.within(self.objects.store.put_multipart(&path)).await?;
+        let mut random = vec![0; PART_BYTES];
+        // A file system that compresses would have room for any number of zeros.
+        getrandom::fill(&mut random).map_err(io::Error::other)?;
+        let random = Bytes::from(random);
+        let mut written = Ok(());
+        for begin in (0..bytes).step_by(PART_BYTES) {
+            let len = (bytes - begin).min(PART_BYTES as u64) as usize;
+            let part = upload.put_part(random.slice(..len).into());
+            written = self.within_limit(LIMIT_OF_PARTS, part).await;
+            if written.is_err() {
+                break;
+            }
+        }
+        let aborted = self.within(upload.abort()).await;
+        written.and(aborted)
+    }
+
     /// Returns the size and digest of the file.
     async fn put_parts(
         &self,
@@ -417,6 +438,8 @@ impl Entries {
 
 const LOG: &str = "log";
 const SNAPSHOTS: &str = "snapshots";
+/// Folder of objects that never get their names.
+const TRIALS: &str = "trials";
 
 /// The next part of a file from byte `from`; empty at its end.
 fn read_part(file: &File, from: u64) -> io::Result<Vec<u8>> {

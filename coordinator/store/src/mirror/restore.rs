@@ -70,6 +70,12 @@ impl Restore {
         self.arriving.path().join(Store::FILE)
     }
 
+    /// Size of the database and its log, which the database has room for.
+    pub(super) fn bytes(&self) -> io::Result<u64> {
+        let log = self.log.as_ref().map_or(0, |log| log.bytes);
+        Ok(self.database().metadata()?.len() + log)
+    }
+
     /// Adds the entries up to `newest`. Returns whether they follow: after another snapshot, the database must be made from it.
     pub(super) async fn extend(&mut self, entries: &Entries, newest: u64) -> Result<bool, MirrorError> {
         Ok(!self.add(entries, newest).await?)

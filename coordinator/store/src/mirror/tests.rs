@@ -679,6 +679,26 @@ async fn a_damaged_database_does_not_end_the_coordinator_that_has_the_mirror() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_mirror_without_room_is_not_taken_from_its_writer() {
+    let place = Place::new();
+    let first = place.start("first", false).await.unwrap();
+    first.add(1 << 20).await.unwrap();
+    // No object can be written into a folder that is a file.
+    let trials = place.folder.path().join("mirror").join("trials");
+    fs::write(&trials, "").unwrap();
+    let refused = place.start("second", true).await.err().unwrap();
+    assert!(
+        matches!(refused, MirrorError::NoRoom { bytes, .. } if bytes > 1 << 20),
+        "{refused}"
+    );
+    first.add(10).await.unwrap();
+    fs::remove_file(&trials).unwrap();
+    let second = place.start("second", true).await.unwrap();
+    assert!(second.rows() == first.rows());
+    assert_eq!(fs::read_dir(&trials).unwrap().count(), 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_is_missing_from_a_mirror_is_named() {
     let place = Place::new();
     let first = place.start("first", false).await.unwrap();
