@@ -43,7 +43,7 @@ use murmuration_store::{
     kept::LatestAnswers,
     mirror::{self, MirrorError},
 };
-use murmuration_web::{DrawnAtlas, Judged, Playground, Reports, Studies, Web};
+use murmuration_web::{DrawnAtlas, FurtherStarts, Measurements, Playground, Reports, Studies, Web};
 use services::Services;
 use std::{io, net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use tokio::sync::{Semaphore, watch};
@@ -282,7 +282,8 @@ impl Coordinator {
             sights: Recent::default(),
             heads: Recent::default(),
             atlas: DrawnAtlas::default(),
-            judged: Judged::default(),
+            measured: Measurements::default(),
+            starts: FurtherStarts::default(),
         };
         let readiness = Readiness::default();
         let names = [

@@ -1,12 +1,13 @@
 //! The rule-based judge's verdicts on the medoids of a report and on a sample of its archive, and sentences about them.
 
-use crate::{Entry, Report};
+use crate::Report;
+use maud::{Markup, html};
 use murmuration_judge::{frames, judge};
-use murmuration_model::labels::{ClassKey, ClassName};
+use murmuration_model::labels::{ClassKey, ClassName, GivenClass};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
-use murmuration_swarm::{CampaignSpec, Class, Invalid, Verdict, counted, noun};
+use murmuration_swarm::{CampaignSpec, Class, Controller, Invalid, Verdict, World, counted, noun};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Size of the sample. A sample of this size gives the share of random behaviours to within 7 percentage points.
 const SAMPLE: usize = 200;
@@ -31,43 +32,75 @@ pub struct Judged {
     pub sample: Vec<(u64, Verdict)>,
 }
 
+/// An individual to judge.
+#[derive(Debug, Clone, Copy)]
+pub struct Candidate<'a> {
+    /// Index in the archive.
+    pub index: u64,
+    pub controller: &'a Controller,
+    /// Seed of the individual's start, or of the first start if there are several.
+    pub seed: u64,
+}
+
+/// Number of swarms of a world whose simulation is within [`MOST_STEPS`]; 0 if the judge cannot judge them.
+fn affordable(spec: &CampaignSpec) -> usize {
+    let world = spec.world();
+    // The judge needs several robots and a full window of motion.
+    if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
+        return 0;
+    }
+    let steps = u64::from(world.agents()) * u64::from(world.horizon());
+    usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(SAMPLE)
+}
+
+impl Candidate<'_> {
+    fn verdict(&self, world: &World) -> Result<Verdict, Invalid> {
+        let start = Start::seeded(self.seed);
+        let motion = replay_frames(self.controller, world, &start, &frames(world))?;
+        Ok(judge(&motion, world))
+    }
+}
+
 impl Judged {
-    /// Simulates and judges the individuals `medoids` of an archive, and a sample of the whole archive.
+    /// The indices of the sample of an archive with `individuals` individuals, evenly spread over the archive; empty if judging is
+    /// impossible or would take too long.
+    #[must_use]
+    pub fn sample(spec: &CampaignSpec, individuals: usize) -> Vec<u64> {
+        let count = SAMPLE.min(affordable(spec)).min(individuals);
+        let count = if count < LEAST { 0 } else { count };
+        (0..count)
+            .map(|place| (place * individuals / count) as u64)
+            .collect()
+    }
+
+    /// Simulates and judges the medoids of an archive and its [`sample`](Self::sample).
     ///
     /// # Errors
     /// If an individual cannot be simulated.
-    pub fn of(spec: &CampaignSpec, archive: &[Entry], medoids: &[u64]) -> Result<Self, Invalid> {
+    pub fn of(
+        spec: &CampaignSpec,
+        medoids: &[Candidate<'_>],
+        sample: &[Candidate<'_>],
+    ) -> Result<Self, Invalid> {
         let world = spec.world();
-        // The judge needs several robots and a full window of motion.
-        if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
-            return Ok(Self::default());
-        }
-        let verdict = |entry: &Entry| {
-            let start = Start::seeded(entry.seed);
-            let motion = replay_frames(&entry.controller, world, &start, &frames(world))?;
-            Ok(judge(&motion, world))
+        let medoids = if medoids.len() > affordable(spec) {
+            &[]
+        } else {
+            medoids
         };
-        let steps = u64::from(world.agents()) * u64::from(world.horizon());
-        let affordable = usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(SAMPLE);
-        let count = SAMPLE.min(affordable).min(archive.len());
-        let count = if count < LEAST { 0 } else { count };
-        let sampled = (0..count).into_par_iter();
-        let sampled = sampled.map(|place| {
-            let index = place * archive.len() / count;
-            Ok((index as u64, verdict(&archive[index])?))
-        });
-        let medoids = if medoids.len() > affordable { &[] } else { medoids };
-        let shown = medoids
-            .par_iter()
-            .filter_map(|&index| archive.get(index as usize));
+        let sampled = sample.par_iter();
+        let sampled = sampled.map(|candidate| Ok((candidate.index, candidate.verdict(world)?)));
         Ok(Self {
-            medoids: shown.map(verdict).collect::<Result<_, _>>()?,
+            medoids: medoids
+                .par_iter()
+                .map(|medoid| medoid.verdict(world))
+                .collect::<Result<_, _>>()?,
             sample: sampled.collect::<Result<_, Invalid>>()?,
         })
     }
 
     /// The share of the sample that is of the class `random` without a pattern, 0 to 1; `None` if there is no sample.
-    pub(crate) fn random_share(&self) -> Option<f64> {
+    fn random_share(&self) -> Option<f64> {
         let random = self.sample.iter().filter(|(_, verdict)| *verdict == RANDOM);
         let random = random.count();
         (!self.sample.is_empty()).then(|| random as f64 / self.sample.len() as f64)
@@ -112,7 +145,7 @@ impl Shown {
 
 /// Positions of the cards that show a new behaviour, and positions of the other cards. If an annotator and the judge give the
 /// same name to different cards, the annotator's card is the new behaviour.
-pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
+pub fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     let named = shown.iter().filter(|shown| shown.is_named());
     let named: BTreeSet<ClassKey> = named.filter_map(Shown::key).collect();
     let mut seen = BTreeSet::new();
@@ -123,10 +156,39 @@ pub(crate) fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
     })
 }
 
+/// Summary of the cards that are folded beneath the distinct behaviours.
+pub fn folded(shown: &[Shown], places: &[usize]) -> String {
+    let random = places
+        .iter()
+        .filter(|&&place| shown[place] == Shown::Random)
+        .count();
+    let alike = places.len() - random;
+    let random = (random > 0).then(|| format!("{random} random"));
+    let alike = (alike > 0).then(|| format!("{alike} of a kind that is shown above"));
+    let parts: Vec<String> = random.into_iter().chain(alike).collect();
+    format!("{} more: {}", places.len(), parts.join(", "))
+}
+
+/// Summary of the findings in one paragraph; empty if no behaviour has a name.
+pub fn answer(shown: &[Shown], judged: &Judged) -> Markup {
+    let found = found(shown);
+    html! {
+        @if !found.is_empty() {
+            p.findings {
+                @for (count, names) in found { strong { (count) } ": " (names) ". " }
+                @if let Some(share) = judged.random_share() {
+                    "Of about " (format!("{:.0} %", 100.0 * share)) " of the archive it knows no kind (a sample of "
+                    (judged.sample.len()) ")."
+                }
+            }
+        }
+    }
+}
+
 /// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and the number of further
 /// kinds of behaviour that the judge names. Nearly equal names of annotators count as one name. The judge makes mistakes, so the
 /// number of its names is no lower bound.
-pub fn found(shown: &[Shown]) -> Vec<(String, String)> {
+fn found(shown: &[Shown]) -> Vec<(String, String)> {
     let (places, _) = distinct(shown);
     // Groups of annotators' names that are nearly equal.
     let mut named: Vec<Vec<&str>> = Vec::new();
@@ -180,38 +242,70 @@ impl Report {
         (0..self.medoids.len()).map(shown).collect()
     }
 
-    /// How well a card represents its cluster; `None` if no other member of the cluster has a known class.
+    /// See [`Purity::of_cluster`].
     pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
-        let index = self.medoids.get(place)?.index;
-        let is_other = |other: u64| {
-            let cluster = self.clusters.get(other as usize);
-            other != index && cluster.is_some_and(|cluster| *cluster as usize == place)
-        };
-        let class = self.names.of(index).map(|(_, class)| &class.name);
-        let labelled = class.and_then(|class| {
-            let given = self.names.by_individual.iter();
-            let others = given.filter(|(other, _)| is_other(**other));
-            Purity::of(others.map(|(_, given)| given.class == *class), true)
-        });
-        labelled.or_else(|| {
-            let verdict = *self.judged.medoids.get(place)?;
-            let others = self.judged.sample.iter().filter(|(other, _)| is_other(*other));
-            Purity::of(others.map(|(_, other)| *other == verdict), false)
-        })
+        let medoid = self.medoids.get(place)?.index;
+        Purity::of_cluster(
+            place,
+            medoid,
+            &self.clusters,
+            &self.names.by_individual,
+            &self.judged,
+        )
     }
 }
 
 /// How many members of a cluster are of the class of its medoid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Purity {
-    pub(crate) alike: usize,
+pub struct Purity {
+    pub alike: usize,
     /// Members whose class is known, without the medoid; at least 1.
-    pub(crate) known: usize,
+    pub known: usize,
     /// Whether the classes come from labels; otherwise they come from the rule-based judge.
-    pub(crate) by_labels: bool,
+    pub by_labels: bool,
 }
 
 impl Purity {
+    /// How well the individual `medoid` represents the cluster at `place`; `None` if no other member of the cluster has a known
+    /// class. `clusters` has for each individual the place of its medoid; `given` has the classes of labelled individuals.
+    pub fn of_cluster(
+        place: usize,
+        medoid: u64,
+        clusters: &[u32],
+        given: &BTreeMap<u64, GivenClass>,
+        judged: &Judged,
+    ) -> Option<Self> {
+        let is_other = |other: u64| {
+            let cluster = clusters.get(other as usize);
+            other != medoid && cluster.is_some_and(|cluster| *cluster as usize == place)
+        };
+        let labelled = given.get(&medoid).and_then(|own| {
+            let others = given.iter().filter(|(other, _)| is_other(**other));
+            Self::of(others.map(|(_, given)| given.class == own.class), true)
+        });
+        labelled.or_else(|| {
+            let verdict = *judged.medoids.get(place)?;
+            let others = judged.sample.iter().filter(|(other, _)| is_other(*other));
+            Self::of(others.map(|(_, other)| *other == verdict), false)
+        })
+    }
+
+    /// The explanation that a pointer shows.
+    #[must_use]
+    pub fn in_words(self) -> String {
+        let others = counted(self.known as u64, "other member");
+        match self.by_labels {
+            true => format!(
+                "{others} of the cluster with a label, of which {} with that of this behaviour",
+                self.alike
+            ),
+            false => format!(
+                "{others} of the cluster that the rule-based judge looked at, of which {} with its verdict on this behaviour",
+                self.alike
+            ),
+        }
+    }
+
     /// The purity from one value for each member: whether the member is of the medoid's class. `None` if there are no members.
     fn of(alike: impl Iterator<Item = bool>, by_labels: bool) -> Option<Self> {
         let alike: Vec<bool> = alike.collect();
@@ -226,13 +320,20 @@ impl Purity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::{self, SMALL};
-    use murmuration_model::labels::GivenClass;
+    use crate::{
+        Entry,
+        sample::{self, SMALL},
+    };
 
     #[test]
     fn a_sample_is_judged_where_there_are_enough() {
         let report = sample::report(&SMALL);
-        let judged = |archive: &[Entry]| Judged::of(&report.spec, archive, &[1, 0]).unwrap();
+        let judged = |archive: &[Entry]| {
+            let candidate = |index: u64| archive[index as usize].candidate(index);
+            let sample = Judged::sample(&report.spec, archive.len());
+            let sample: Vec<_> = sample.into_iter().map(candidate).collect();
+            Judged::of(&report.spec, &[candidate(1), candidate(0)], &sample).unwrap()
+        };
         let few = judged(&report.individuals);
         assert_eq!((few.medoids.len(), few.sample.len()), (2, 0));
         let more = judged(&vec![report.individuals.clone(); 2].concat());
@@ -249,8 +350,10 @@ mod tests {
         let spec = CampaignSpec::from_toml(
             "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[world]\nagents = 1000\nhorizon = 10000",
         );
-        let judged = Judged::of(&spec.unwrap(), &report.individuals, &[0, 1, 2]).unwrap();
-        assert_eq!(judged, Judged::default());
+        let spec = spec.unwrap();
+        let medoids = [0, 1, 2].map(|index| report.individuals[index as usize].candidate(index));
+        assert_eq!(Judged::of(&spec, &medoids, &[]).unwrap(), Judged::default());
+        assert!(Judged::sample(&spec, 1000).is_empty());
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod again;
 pub mod atlas;
 pub mod axes;
+pub mod card;
 pub mod class_map;
 mod contact_sheet;
 mod document;
@@ -27,7 +28,7 @@ mod tables;
 mod sample;
 
 pub use document::Document;
-pub use judged::{Judged, Shown, found};
+pub use judged::{Candidate, Judged, Purity, Shown, answer, distinct, folded};
 pub use names::{CarriedName, Names};
 pub use numbers::sample_in_words;
 pub use pictured::{PictureSheets, Pictured};
@@ -131,6 +132,16 @@ pub struct Entry {
 }
 
 impl Entry {
+    /// This individual with its index, for the judge.
+    #[must_use]
+    pub const fn candidate(&self, index: u64) -> Candidate<'_> {
+        Candidate {
+            index,
+            controller: &self.controller,
+            seed: self.seed,
+        }
+    }
+
     /// Features and embedding, which place the individual in the behaviour space.
     #[must_use]
     pub fn measured(&self) -> (Features, Vec<f32>) {

@@ -186,10 +186,15 @@ fn what_people_named_and_what_the_machine_named_are_told_apart() {
         named.contains("annotators have named 2 and the rule-based judge, a program, has named another 1.")
     );
     assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them only by the rule-based judge"));
-    assert!(!named.contains(MARK), "a person named the first behaviour");
+    assert_eq!(
+        named.matches(MARK).count(),
+        2,
+        "a person named the first behaviour"
+    );
     report.names.by_individual.get_mut(&0).unwrap().by_machine = true;
     let named = page(&report);
-    assert_eq!(named.matches(MARK).count(), 1);
+    // The card of the other behaviour has the judge's verdict.
+    assert_eq!(named.matches(MARK).count(), 3);
     assert!(named.contains("ring, or &quot;mill&quot; (by the rule-based judge) · "));
 }
 
@@ -206,7 +211,8 @@ fn a_name_from_an_earlier_version_is_on_the_card_the_legend_and_the_table() {
     let (_place, files) = written(&report);
     let page = fs::read_to_string(&files.page).unwrap();
     for expected in [
-        "<span class=\"class unsure\" style=\"--class:#e6861d\">wall?</span>",
+        "style=\"--class:#e6861d\" title=\"Carried over from an earlier version",
+        ">wall?</span><small>carried over</small>",
         "Name carried over from behaviour 5 of version 1 of the taxonomy: 7 of its 9 individuals are here.",
         "wall (carried over) · ",
     ] {
@@ -268,16 +274,16 @@ fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already()
     assert!(
         found.contains(expected),
         "{}",
-        &found[found.find("class=\"answer\"").unwrap()..][..300]
+        &found[found.find("class=\"findings\"").unwrap()..][..300]
     );
-    assert!(found.contains("The rule-based judge calls it milling."));
+    assert!(found.contains("not by a person.\">milling?</span><small>judge</small>"));
     let folded = &found[found.find("<summary>1 more: 1 random</summary>").unwrap()..];
     assert!(folded.contains("id=\"behaviour-3\"") && !folded.contains("id=\"behaviour-2\""));
 
     report.names = Names::default();
     report.judged.medoids = vec![Verdict::Class(Class::Random); 3];
     let nothing = page(&report);
-    assert!(!nothing.contains("class=\"answer\"") && !nothing.contains(" more: "));
+    assert!(!nothing.contains("class=\"findings\"") && !nothing.contains(" more: "));
 }
 
 #[test]

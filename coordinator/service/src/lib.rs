@@ -11,7 +11,6 @@ pub mod report_data;
 mod scaler;
 mod simulations;
 mod snapshots;
-mod spread;
 mod status;
 mod studies;
 mod training;

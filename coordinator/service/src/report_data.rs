@@ -1,10 +1,10 @@
 //! Gathers the contents of a report through the campaign and label services, of this process or of another process.
 
-use crate::spread::{Place, spreads};
 use bytes::Bytes;
 use murmuration_engine::{
     blocking::{Broken, in_background, parallel},
     queries::beyond_medoids,
+    taxonomy::{Place, spreads},
 };
 use murmuration_model::{
     Repetition,
@@ -240,7 +240,16 @@ pub async fn report<C: Transport>(
     let (judged, individuals) = match pictures {
         PicturesOf::Medoids => (Ok(Judged::default()), individuals),
         PicturesOf::Individuals => {
-            let judge = move || (Judged::of(&judged_spec, &individuals, &shown), individuals);
+            let judge = move || {
+                let candidate = |index: u64| {
+                    let entry = individuals.get(index as usize);
+                    entry.map(|entry| entry.candidate(index))
+                };
+                let medoids: Vec<_> = shown.into_iter().filter_map(candidate).collect();
+                let sample = Judged::sample(&judged_spec, individuals.len()).into_iter();
+                let sample: Vec<_> = sample.filter_map(candidate).collect();
+                (Judged::of(&judged_spec, &medoids, &sample), individuals)
+            };
             in_background(move |_| parallel(judge)).await?
         }
     };

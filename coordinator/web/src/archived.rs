@@ -37,8 +37,17 @@ impl Created {
     }
 }
 
-/// The address of the picture of an individual.
+/// The address of the picture of an individual, as the embedder sees it.
 pub(super) fn picture(record: &CampaignRecord, index: u64) -> String {
+    of_individual(record, index, "")
+}
+
+/// The address of the coloured paths of an individual.
+pub(super) fn paths(record: &CampaignRecord, index: u64) -> String {
+    of_individual(record, index, "/paths.png")
+}
+
+fn of_individual(record: &CampaignRecord, index: u64, what: &str) -> String {
     let (id, created) = (&record.id, record.archive_version().origin());
-    format!("/campaigns/{id}/individuals/{index}?created={created}")
+    format!("/campaigns/{id}/individuals/{index}{what}?created={created}")
 }

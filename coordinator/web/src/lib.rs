@@ -64,7 +64,7 @@ use page_error::PageError;
 pub use play::Playground;
 use std::sync::Arc;
 pub use studies::Studies;
-pub use taxonomy::{Judged, Reports};
+pub use taxonomy::{FurtherStarts, Measurements, Reports};
 use tonic::{Status, service::Routes};
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -89,8 +89,10 @@ pub struct Web {
     /// The list of campaigns that searches share.
     pub heads: Recent<Arc<Vec<ListedCampaign>>>,
     pub atlas: DrawnAtlas,
-    /// The judge's latest verdicts on medoids.
-    pub judged: Judged,
+    /// Measurements of taxonomies.
+    pub measured: Measurements,
+    /// Further starts of medoids.
+    pub starts: FurtherStarts,
 }
 
 /// The pages, the probes and the gRPC services, for one port.
@@ -177,7 +179,7 @@ fn pages() -> GuardedRouter<Web> {
         .get("/campaigns/{id}/label", VIEWER, Light, label::one)
         .get("/campaigns/{id}/sheet", VIEWER, Light, label::sheet)
         .get("/campaigns/{id}/map", VIEWER, Light, map::page)
-        .get("/campaigns/{id}/taxonomy", VIEWER, Reading, taxonomy::page)
+        .get("/campaigns/{id}/taxonomy", VIEWER, Computing, taxonomy::page)
         .get(
             "/campaigns/{id}/taxonomy/changes",
             VIEWER,
@@ -214,6 +216,12 @@ fn pages() -> GuardedRouter<Web> {
             VIEWER,
             Computing,
             motion::gif,
+        )
+        .get(
+            "/campaigns/{id}/individuals/{index}/paths.png",
+            VIEWER,
+            Computing,
+            motion::paths,
         )
         .get(
             "/campaigns/{id}/individuals/{index}/paths.svg",

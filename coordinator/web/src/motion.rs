@@ -2,8 +2,9 @@
 
 use super::{
     Web,
-    archived::Created,
+    archived::{self, Created},
     asked::Query,
+    of_campaign::OfCampaign,
     page_error::{PageError, Refused},
 };
 use axum::{
@@ -13,7 +14,7 @@ use axum::{
         HeaderName,
         header::{CONTENT_DISPOSITION, CONTENT_TYPE},
     },
-    response::IntoResponse,
+    response::{IntoResponse, Redirect, Response},
 };
 use murmuration_engine::blocking::{blocking, in_background};
 use murmuration_model::{CampaignRecord, colours};
@@ -22,10 +23,12 @@ use murmuration_proto::{
     v1::{self, campaign_service_server::CampaignService as _},
 };
 use murmuration_report::picture::{
-    self, Animation, Bodies,
+    self, Animation, Bodies, Paper,
     columns::{self, MotionView, WorldView},
+    trajectory_png,
 };
 use murmuration_service::OrStatus as _;
+use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_store::Store;
 use murmuration_swarm::{Controller, Frames, Replay};
 use serde::Serialize;
@@ -113,6 +116,45 @@ pub(super) async fn gif(
         )
     });
     Ok((headers, drawn.await??))
+}
+
+/// Maximum number of robot steps that this process simulates for a picture of paths: those of 20 swarms of the paper, which take
+/// some 50 ms.
+const MOST_STEPS: u64 = 20 * 24 * 1200;
+/// Side of a picture of paths, in pixels.
+const PATHS_SIZE: u32 = 400;
+
+/// The paths of the last steps as a PNG with a transparent background. This process simulates the motion, so that pages show
+/// their cards while the workers are busy or gone. If the simulation would take long, redirects to the picture that is stored.
+pub(super) async fn paths(
+    Path((_, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
+    OfCampaign { web, record, .. }: OfCampaign,
+) -> Result<Response, PageError> {
+    let world = record.spec.world();
+    if u64::from(world.agents()) * u64::from(world.horizon()) > MOST_STEPS {
+        return Ok(Redirect::temporary(&archived::picture(&record, index)).into_response());
+    }
+    let kept = created.keep(&record);
+    let (id, model) = (record.id.clone(), record.spec.model().clone());
+    let read = move |store: &Store| store.individual(&id, &model, index);
+    let individual = web.store.run(read).await?;
+    let drawn = in_background(move |_| -> Result<Vec<u8>, PageError> {
+        let (world, window) = (record.spec.world(), record.spec.image().window());
+        let start = Start::seeded(individual.seed);
+        let replay = replay_frames(&individual.controller, world, &start, &Frames::to_watch(world))?;
+        let bodies = Bodies::of(&individual.controller, world);
+        let paper = Paper::Clear;
+        Ok(trajectory_png(
+            &replay,
+            world,
+            bodies.colouring(),
+            window,
+            PATHS_SIZE,
+            paper,
+        )?)
+    });
+    Ok(([(CONTENT_TYPE, "image/png"), kept], drawn.await??).into_response())
 }
 
 /// The paths of the last steps, as in the picture, as an SVG to download. The response to an error is a page.

@@ -4,9 +4,10 @@ use super::Web;
 use maud::{Markup, html};
 use murmuration_engine::{
     campaign::CampaignError,
-    taxonomy::{Names, Taxonomy},
+    taxonomy::{ClusterName, Names, Origin, Taxonomy},
 };
 use murmuration_model::{CampaignRecord, labels::ClassName};
+use murmuration_report::card::{CardName, Namer};
 use murmuration_store::{Store, StoreError};
 use murmuration_swarm::grouped;
 
@@ -15,6 +16,18 @@ use murmuration_swarm::grouped;
 pub(super) struct NamedTaxonomy {
     pub(super) taxonomy: Taxonomy,
     names: Names,
+}
+
+/// The name of a cluster as cards show it.
+pub(super) fn on_card(name: &ClusterName) -> CardName {
+    CardName {
+        name: name.class.shown(),
+        by: match name.origin {
+            Origin::Person => Namer::Annotator,
+            Origin::Judge => Namer::Judge,
+            Origin::Carried { .. } => Namer::Earlier,
+        },
+    }
 }
 
 impl NamedTaxonomy {
@@ -32,9 +45,15 @@ impl NamedTaxonomy {
         Ok(web.store.run(read).await?)
     }
 
-    /// The name of the cluster at a place of the taxonomy, if the cluster has a name.
+    fn name(&self, place: usize) -> Option<&ClusterName> {
+        self.names.names.get(place)?.as_ref()
+    }
+
+    /// The name of the cluster at a place of the taxonomy, if its medoid has a label. Names that were carried over are not used:
+    /// nobody has confirmed them.
     pub(super) fn class(&self, place: usize) -> Option<&ClassName> {
-        Some(&self.names.names.get(place)?.as_ref()?.class)
+        let name = self.name(place)?;
+        (!matches!(name.origin, Origin::Carried { .. })).then_some(&name.class)
     }
 
     /// The line under the picture of a medoid: its number, from 1, its name, if it has a name, and its cluster's share of all
@@ -45,7 +64,8 @@ impl NamedTaxonomy {
         let share = 100.0 * medoid.cluster_size as f64 / all;
         html! {
             span title={ "cluster of " (grouped(medoid.cluster_size)) } {
-                strong { (place + 1) @if let Some(class) = self.class(place) { " " (class.shown()) } }
+                strong { (place + 1) }
+                @if let Some(name) = self.name(place).map(on_card) { " " strong class=[(!name.is_sure()).then_some("unsure")] { (name.shown()) } }
                 " · " (format!("{share:.1} %"))
             }
         }

@@ -316,7 +316,7 @@ fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
             @for (place, medoid) in medoids.iter().enumerate() {
                 @let index = medoid.individual.index;
                 li {
-                    img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
+                    img src=(archived::paths(record, index)) width="150" height="150" loading="lazy"
                         alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
                     p { (named.caption(place)) }
                     p { code { (medoid.individual.controller) } }

@@ -3,10 +3,12 @@
 mod alike;
 mod change;
 mod names;
+mod spread;
 
 pub use alike::{Alike, distance, touch};
 pub use change::Change;
 pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
+pub use spread::{Place, spreads};
 
 use crate::{blocking::parallel, space::SpaceError};
 use murmuration_model::{CampaignId, CampaignRecord};

@@ -3,16 +3,12 @@
 use murmuration_search::novelty::Behaviours;
 
 /// A member of a cluster: its index, and its distance to the medoid in units of the behaviour space.
-pub(crate) type Place = (usize, f64);
+pub type Place = (usize, f64);
 
 /// The nearest, the median and the farthest member of each cluster, without its medoid; `None` if the medoid is the only member.
 /// If the number of members is even, the median is the farther of the two members in the middle. `medoids` are indices of
 /// individuals; `clusters` has for each individual the place of its medoid.
-pub(crate) fn spreads(
-    behaviours: &Behaviours,
-    medoids: &[usize],
-    clusters: &[u32],
-) -> Vec<Option<[Place; 3]>> {
+pub fn spreads(behaviours: &Behaviours, medoids: &[usize], clusters: &[u32]) -> Vec<Option<[Place; 3]>> {
     let mut members: Vec<Vec<Place>> = vec![Vec::new(); medoids.len()];
     for (member, &cluster) in clusters.iter().enumerate().take(behaviours.len()) {
         let place = cluster as usize;

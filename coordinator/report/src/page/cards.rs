@@ -2,13 +2,15 @@
 
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
-    Files, MedoidEntry, MedoidPictures, Report, Spread, again, contact_sheet,
-    judged::{Purity, Shown, distinct},
+    Files, MedoidEntry, MedoidPictures, Report, Spread, again,
+    card::{CardName, Namer, Sight, genes, heading, measures, sight},
+    contact_sheet,
+    judged::{distinct, folded},
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
-use murmuration_swarm::{Controller, Verdict};
+use murmuration_swarm::Verdict;
 
 pub(super) fn behaviours(
     report: &Report,
@@ -104,19 +106,6 @@ fn cards(report: &Report, pictures: &[MedoidPictures], places: &[usize]) -> Mark
     }
 }
 
-/// Summary of the cards that are folded beneath the distinct behaviours.
-fn folded(shown: &[Shown], places: &[usize]) -> String {
-    let random = places
-        .iter()
-        .filter(|&&place| shown[place] == Shown::Random)
-        .count();
-    let alike = places.len() - random;
-    let random = (random > 0).then(|| format!("{random} random"));
-    let alike = (alike > 0).then(|| format!("{alike} of a kind that is shown above"));
-    let parts: Vec<String> = random.into_iter().chain(alike).collect();
-    format!("{} more: {}", places.len(), parts.join(", "))
-}
-
 /// The colour of each species.
 fn species(report: &Report) -> Markup {
     let species = report.spec.model().species().iter().zip(colours::AGENTS);
@@ -135,7 +124,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
     let command = again::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
     let controller = entry.controller.to_string();
     html! {
-        article.card #{ "behaviour-" (number) } tabindex="0" data-place=(place) data-mode="still"
+        article.card.behaviour #{ "behaviour-" (number) } tabindex="0" data-place=(place) data-mode="still"
             style={ "--cluster:" (colour) } aria-labelledby={ "name-" (number) } {
             div.stage style={ "aspect-ratio:" (world.width()) "/" (world.height()) } {
                 img src=(inline_png(&pictures.trajectory)) loading="lazy" decoding="async"
@@ -156,7 +145,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                     summary { "Numbers, robot, replay" }
                     (figures(report, place, medoid))
                     h4 { "Controller" }
-                    (genes(report, &entry.controller))
+                    (genes(&entry.controller))
                     (robots(report, &entry.controller))
                     h4 { "Replay" }
                     (copyable("command", &command))
@@ -171,10 +160,12 @@ fn sights(report: &Report, number: usize, medoid: &MedoidEntry, pictures: &Medoi
     let [image_title, image] = image_names(report);
     html! {
         div.sights {
-            figure {
-                img.grey src=(inline_png(&pictures.image)) alt={ (image_title) " of behaviour " (number) };
-                figcaption title=(image) { "image" }
-            }
+            (sight(&Sight {
+                source: inline_png(&pictures.image),
+                alt: format!("{image_title} of behaviour {number}"),
+                caption: "image",
+                title: image.to_owned(),
+            }))
             @if let Some(spread) = &medoid.spread { (others(number, spread, &pictures.members)) }
             figure.scripted {
                 canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}
@@ -189,7 +180,7 @@ fn figures(report: &Report, place: usize, medoid: &MedoidEntry) -> Markup {
     html! {
         dl {
             @if let Some(purity) = report.purity(place) {
-                div title=(alike(purity)) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
+                div title=(purity.in_words()) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
             }
             @if let Some(robustness) = entry.robustness {
                 div title=(robust(report, place)) { dt { "Robustness" } dd { (of_starts(report, robustness)) } }
@@ -203,43 +194,21 @@ fn figures(report: &Report, place: usize, medoid: &MedoidEntry) -> Markup {
     }
 }
 
-/// The genes of a controller with their names.
-fn genes(report: &Report, controller: &Controller) -> Markup {
-    let names = report.spec.model().gene_names();
-    html! {
-        dl.genes {
-            @for (name, gene) in names.iter().zip(controller.genes()) { div { dt { (name) } dd { (gene) } } }
-        }
-    }
-}
-
 /// The pictures of the nearest, the median and the farthest member of a cluster.
 fn others(number: usize, spread: &Spread, pictures: &[Vec<u8>]) -> Markup {
     html! {
         @for ((which, member), picture) in spread.members().into_iter().zip(pictures) {
-            figure title={
-                "The member of this cluster that is " (which) ": individual " (grouped(member.index)) ", at a distance of "
-                (short(member.distance))
-            } {
-                img.grey src=(inline_png(picture))
-                    alt={ "Image of the member of cluster " (number) " that is " (which) ": individual " (member.index) };
-                figcaption { (which) }
-            }
+            (sight(&Sight {
+                source: inline_png(picture),
+                alt: format!("Image of the member of cluster {number} that is {which}: individual {}", member.index),
+                caption: which,
+                title: format!(
+                    "The member of this cluster that is {which}: individual {}, at a distance of {}",
+                    grouped(member.index),
+                    short(member.distance)
+                ),
+            }))
         }
-    }
-}
-
-fn alike(purity: Purity) -> String {
-    let others = counted(purity.known as u64, "other member");
-    match purity.by_labels {
-        true => format!(
-            "{others} of the cluster with a label, of which {} with that of this behaviour",
-            purity.alike
-        ),
-        false => format!(
-            "{others} of the cluster that the rule-based judge looked at, of which {} with its verdict on this behaviour",
-            purity.alike
-        ),
     }
 }
 
@@ -270,18 +239,16 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
         grouped(medoid.cluster_size),
         counted(whole, "individual")
     );
-    let purity = report
-        .purity(number - 1)
-        .map(|purity| format!(" · purity {} of {}", purity.alike, purity.known));
+    let starts = report.spec.starts().get();
     let robust = report.individuals[medoid.index as usize].robustness;
-    let robust = robust.map(|robustness| format!(" · robust in {}", of_starts(report, robustness)));
+    let robust = robust.map(|robustness| ((robustness * starts as f64).round() as usize, starts));
+    let name = name(report, number - 1);
+    let class = report.name_of(number - 1);
+    let colour = class.and_then(|class| class.colour.map(|colour| colour.to_string()));
     html! {
         div.name {
-            h3 id={ "name-" (number) } {
-                span.swatch aria-hidden="true" { (number) }
-                (heading(report, number - 1))
-            }
-            p title=(members) { strong { (part) } (purity.unwrap_or_default()) (robust.unwrap_or_default()) }
+            h3 id={ "name-" (number) } { (heading(number, name.as_ref(), colour.as_deref())) }
+            p title=(members) { (measures(&part, report.purity(number - 1), robust)) }
         }
         @if let Some(carried) = report.name_of(number - 1).and_then(|name| name.carried) {
             p.judged {
@@ -295,25 +262,18 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
     }
 }
 
-/// The name of a behaviour. A question mark follows a name that no person gave to this behaviour.
-fn heading(report: &Report, place: usize) -> Markup {
-    let name = report.name_of(place);
-    let colour = name.and_then(|name| name.colour.map(|colour| format!("--class:{colour}")));
-    html! {
-        @match (name, report.judged.medoids.get(place)) {
-            (Some(name), _) if name.carried.is_some() => { span.class.unsure style=[colour] { (name.class.shown()) "?" } },
-            (Some(name), _) if name.by_machine => {
-                span.class.unsure style=[colour] title="Named by the rule-based judge, not by a person." { (name.class.shown()) "?" }
-                small { "judge" }
-            },
-            (Some(name), _) => { span.class style=[colour] { (name.class.shown()) } },
-            (None, Some(verdict)) => {
-                span.unsure title=(verdict_in_words(*verdict)) { (verdict.words()) "?" }
-                small { "judge" }
-            },
-            (None, None) => { "Behaviour " (place + 1) },
-        }
-    }
+/// The name of a behaviour, or else the judge's verdict on it.
+fn name(report: &Report, place: usize) -> Option<CardName> {
+    let given = report.name_of(place).map(|name| CardName {
+        name: name.class.shown(),
+        by: match (name.carried, name.by_machine) {
+            (Some(_), _) => Namer::Earlier,
+            (None, true) => Namer::Judge,
+            (None, false) => Namer::Annotator,
+        },
+    });
+    let verdict = report.judged.medoids.get(place);
+    given.or_else(|| verdict.copied().map(CardName::of_verdict))
 }
 
 fn verdict_in_words(verdict: Verdict) -> String {

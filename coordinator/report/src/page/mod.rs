@@ -10,7 +10,7 @@ mod sections;
 mod world;
 
 use super::{
-    Document, Files, MedoidPictures, Report, found,
+    Document, Files, MedoidPictures, Report, answer,
     numbers::{counted, grouped, sample_in_words},
     scripts,
 };
@@ -19,7 +19,7 @@ use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_swarm::{BehaviourSpace, Method, Starts};
 
-const STYLE: &str = include_str!("style.css");
+const STYLE: &str = concat!(include_str!("style.css"), include_str!("../card.css"));
 /// Each script has its own scope, so that a failure does not stop the others. The scripts run in this order.
 const SCRIPTS: [[&str; 2]; 5] = [
     [scripts::INLINE, include_str!("data.js")],
@@ -74,7 +74,7 @@ fn header(report: &Report) -> Markup {
                     "Which collective behaviours can a swarm of " span.nowrap { (robots(report)) } " show?"
                 }
             }
-            (answer(report))
+            (answer(&report.shown(), &report.judged))
             p.lead {
                 @match report.repetition.rounds.last() {
                     None => { "No behaviour was defined beforehand. This campaign tried " },
@@ -91,23 +91,6 @@ fn header(report: &Report) -> Markup {
                 }
             }
             (facts(report))
-        }
-    }
-}
-
-/// Summary of the findings in one line; empty if no behaviour has a name.
-fn answer(report: &Report) -> Markup {
-    let found = found(&report.shown());
-    if found.is_empty() {
-        return Markup::default();
-    }
-    html! {
-        p.answer {
-            @for (count, names) in found { strong { (count) } ": " (names) ". " }
-            @if let Some(share) = report.judged.random_share() {
-                "Of about " (format!("{:.0} %", 100.0 * share)) " of the archive it knows no kind (a sample of "
-                (report.judged.sample.len()) ")."
-            }
         }
     }
 }

@@ -28,7 +28,7 @@ fn images_with_channels_are_in_the_colours_of_the_species() {
     let page = page(&report);
     for expected in [
         "computes from a coloured image, and by the five hand-crafted features",
-        "<figcaption title=\"coloured image\">",
+        "<figure title=\"coloured image\">",
         "50 × 50 grey values of each species, shown in its colour",
     ] {
         assert!(page.contains(expected), "{expected}");

@@ -9,8 +9,9 @@ const status = document.getElementById("status");
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 for (const card of document.querySelectorAll(".medoid")) {
-  const stage = card.querySelector(".stage");
-  const player = new Player(card);
+  const film = card.querySelector(".film");
+  const stage = film.querySelector(".stage");
+  const player = new Player(film);
   const play = async () => {
     await player.show(Number(card.dataset.index));
     // The pointer can have left the picture meanwhile.
@@ -28,8 +29,10 @@ for (const card of document.querySelectorAll(".medoid")) {
   stage.addEventListener("pointerenter", (event) => {
     if (event.pointerType === "mouse" && !calm.matches) play();
   });
-  stage.addEventListener("pointerleave", rest);
-  stage.addEventListener("blur", rest);
+  film.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && rest());
+  film.addEventListener("focusout", ({ relatedTarget }) => film.contains(relatedTarget) || rest());
+  // The control plays and pauses a motion that has arrived; before, it requests the motion.
+  film.querySelector(".toggle").addEventListener("click", () => stage.classList.contains("in-motion") || play());
   stage.addEventListener("click", turn);
   stage.addEventListener("keydown", (event) => {
     if (event.key !== " " && event.key !== "Enter") return;
@@ -127,18 +130,11 @@ if (status) {
     if (words !== null) after = words;
     outbox.answer(indices, answer);
   }
-  for (const form of document.querySelectorAll(".medoid form")) {
+  for (const form of document.querySelectorAll(".medoid .naming")) {
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      name([Number(form.dataset.index)], form.elements.name.value.trim());
+      name([Number(form.dataset.index)], form.elements.name.value.trim() || form.dataset.suggested);
       form.elements.name.blur();
-    });
-  }
-  for (const button of document.querySelectorAll("[data-suggested]")) {
-    button.addEventListener("click", () => {
-      const form = button.closest(".medoid").querySelector("form");
-      form.elements.name.value = button.dataset.suggested;
-      form.requestSubmit();
     });
   }
   for (const form of document.querySelectorAll(".merge")) {

@@ -85,6 +85,33 @@ impl Address {
     }
 }
 
+/// The address of the page Play for an individual of a campaign; `None` if the page cannot show its swarm.
+pub(in super::super) fn address_of(
+    spec: &CampaignSpec,
+    controller: &Controller,
+    seed: u64,
+) -> Option<String> {
+    let (model, world) = (controller.model(), spec.world());
+    let usual = World::for_model(model).ok();
+    let usual = usual.filter(|usual| usual == world);
+    let robots = match model.preset().zip(usual) {
+        Some((preset, _)) => ("model", preset.to_string()),
+        None => ("robot", spec.to_toml()),
+    };
+    let genes: Vec<String> = controller.genes().iter().map(f64::to_string).collect();
+    let parameters = vec![
+        (robots.0.to_owned(), robots.1),
+        ("genes".to_owned(), genes.join(",")),
+        ("seed".to_owned(), seed.to_string()),
+    ];
+    let is_shown = Address::read(&parameters)
+        .strictly()
+        .is_ok_and(|play| play.controller == *controller && play.world == *world);
+    is_shown
+        .then(|| serde_urlencoded::to_string(parameters).ok())
+        .flatten()
+}
+
 /// The value that was read. After an error, it adds the error to `problems` and returns the default.
 fn kept<T>(read: Result<T, Invalid>, usual: T, problems: &mut Vec<Invalid>) -> T {
     read.unwrap_or_else(|problem| {

@@ -10,6 +10,7 @@ mod knobs;
 mod motion;
 mod view;
 
+pub(super) use address::address_of;
 pub(super) use archived::pieces;
 pub(super) use compare::like;
 pub(super) use view::SwarmView;

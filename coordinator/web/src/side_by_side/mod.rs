@@ -23,17 +23,16 @@ struct Compared {
     record: CampaignRecord,
     /// The campaign's taxonomy with names; `None` if there is no taxonomy yet.
     named: Option<NamedTaxonomy>,
-    /// The known verdicts of the judge on medoids, by the index of the medoid.
+    /// The judge's verdicts on medoids, by the index of the medoid.
     words: BTreeMap<u64, Verdict>,
 }
 
-/// The page of the campaigns in the address. If the address has `judged`, the judge judges the medoids without a name.
+/// The page of the campaigns in the address.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Vec<(String, String)>>,
     visitor: Visitor,
 ) -> Result<Markup, PageError> {
-    let judges = parameters.iter().any(|(name, _)| name == "judged");
     let named = parameters.into_iter().filter(|(name, _)| name == "campaign");
     let mut seen = BTreeSet::new();
     let ids: Vec<String> = named
@@ -52,11 +51,13 @@ pub(super) async fn page(
             continue;
         }
         let named = NamedTaxonomy::read(&web, &record).await?;
-        let medoids = named.as_ref().map_or(&[][..], |named| &named.taxonomy.medoids);
-        if judges {
-            web.judged.ask(&web, &record, medoids).await?;
-        }
-        let words = web.judged.known(&record, medoids);
+        let words = match &named {
+            Some(NamedTaxonomy { taxonomy, .. }) => {
+                let measured = web.measured.of(&web, &record, taxonomy, true).await?;
+                measured.verdicts(taxonomy)
+            }
+            None => BTreeMap::new(),
+        };
         compared.push(Compared { record, named, words });
     }
     // The matching of large taxonomies takes long.
@@ -77,11 +78,11 @@ fn shown(compared: &[Compared]) -> Markup {
                 }
             }
         }
+        (taxonomies::section(compared))
         @for (id, title, note) in NOVELTY { (curves(id, title, note)) }
         @if compared.iter().any(|Compared { record, .. }| record.spec.space().embeds()) {
             @for (id, title, note) in TRAININGS { (curves(id, title, note)) }
         }
-        (taxonomies::section(compared))
         section aria-labelledby="differences" {
             h2 #differences { "Specifications" }
             (differences(&compared.iter().map(|Compared { record, .. }| record).collect::<Vec<_>>()))

@@ -123,9 +123,6 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
                 "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
                 "the classes that annotators gave, or else by what the rule-based judge calls them. Those without a class are not matched."
             }
-            @if compared.iter().any(can_be_judged) {
-                p { a.button href=(judged_address(compared)) { "Ask the judge for names" } }
-            }
             ul.reason {
                 @for Compared { record, .. } in compared.iter().filter(|compared| compared.named.is_some()) {
                     li { strong { (record.id) } ": " (space_in_words(record)) }
@@ -133,24 +130,6 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
             }
         }
     }
-}
-
-/// Whether the campaign has a medoid with neither a name nor a verdict.
-fn can_be_judged(Compared { named, words, .. }: &Compared) -> bool {
-    named.iter().any(|named| {
-        let mut medoids = named.taxonomy.medoids.iter().enumerate();
-        medoids.any(|(place, medoid)| {
-            named.class(place).is_none() && !words.contains_key(&medoid.individual.index)
-        })
-    })
-}
-
-/// The address of this page on which the judge also judges medoids.
-fn judged_address(compared: &[Compared]) -> String {
-    let named = compared
-        .iter()
-        .map(|compared| format!("campaign={}&", compared.record.id));
-    format!("/compare?{}judged=yes", named.collect::<String>())
 }
 
 /// The map of all medoids along the two axes on which they differ most; lines join matched medoids.
@@ -295,7 +274,7 @@ fn pictures(
                     @let place = all[member].place;
                     @let index = named.taxonomy.medoids[place].individual.index;
                     li {
-                        img src=(archived::picture(record, index)) width="75" height="75" loading="lazy"
+                        img src=(archived::paths(record, index)) width="75" height="75" loading="lazy"
                             alt={ "Paths of behaviour " (place + 1) " of " (record.id) };
                         (named.caption(place))
                     }

@@ -55,7 +55,7 @@ pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
     html! {
         @if !others.is_empty() {
             p.alike {
-                "≈ maybe the same as behaviour "
+                "≈ maybe the same: "
                 @for (nth, other) in others.iter().enumerate() {
                     @if nth > 0 { ", " }
                     a href={ "#behaviour-" (other + 1) } { (other + 1) }
@@ -113,7 +113,7 @@ fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
     let message: Vec<String> = indices.iter().map(u64::to_string).collect();
     html! {
         div.pictures aria-hidden="true" {
-            @for index in indices { img src=(archived::picture(record, index)) width="75" height="75" loading="lazy" alt=""; }
+            @for index in indices { img src=(archived::paths(record, index)) width="75" height="75" loading="lazy" alt=""; }
         }
         div {
             p {

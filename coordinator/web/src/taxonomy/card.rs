@@ -1,12 +1,14 @@
 //! The cards of behaviours on the page Taxonomy.
 
 use super::{Shown, alike, starts, versions};
-use crate::{archived, parts};
+use crate::{archived, named::on_card, new::token, parts, play};
 use maud::{Markup, html};
+use murmuration_accuracy::RANDOM;
 use murmuration_engine::taxonomy::{ClusterName, Origin};
-use murmuration_model::{
-    CampaignRecord,
-    labels::{ClassName, GivenClass},
+use murmuration_model::{CampaignRecord, labels::GivenClass};
+use murmuration_report::{
+    Purity,
+    card::{CardName, Sight, genes, heading, measures, sight},
 };
 use murmuration_swarm::{Verdict, counted, figure, grouped};
 
@@ -19,6 +21,33 @@ pub(super) struct Card<'a> {
 impl Card<'_> {
     fn name(&self) -> Option<&ClusterName> {
         self.shown.names.names.get(self.place)?.as_ref()
+    }
+
+    /// The judge's verdict on the medoid.
+    fn verdict(&self) -> Option<Verdict> {
+        let index = self.shown.taxonomy.medoids[self.place].individual.index;
+        self.shown.words.get(&index).copied()
+    }
+
+    /// The name of the behaviour, or else the judge's verdict on it.
+    fn card_name(&self) -> Option<CardName> {
+        let given = self.name().map(on_card);
+        given.or_else(|| self.verdict().map(CardName::of_verdict))
+    }
+
+    fn purity(&self) -> Option<Purity> {
+        let (taxonomy, place) = (&self.shown.taxonomy, self.place);
+        let medoid = taxonomy.medoids[place].individual.index;
+        let (given, judged) = (self.shown.labels.given_classes(), &self.shown.measured.judged);
+        Purity::of_cluster(place, medoid, &taxonomy.clusters, &given, judged)
+    }
+
+    /// The number of the medoid's robust trials, and of all its trials; `None` if individuals have one trial.
+    fn robust(&self) -> Option<(usize, usize)> {
+        let taxonomy = &self.shown.taxonomy;
+        let index = taxonomy.medoids[self.place].individual.index as usize;
+        let robust = taxonomy.robust_trials.get(index)?;
+        Some((usize::from(*robust), self.record.spec.starts().get()))
     }
 }
 
@@ -36,7 +65,7 @@ pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) ->
             h2 id={ "merged-" (first) } { @if let Some(name) = name { (name.class.shown()) } }
             p.reason {
                 "One behaviour in " (counted(group.len() as u64, "cluster")) ", merged by their name: " (grouped(members)) " individuals, "
-                (format!("{:.1} %", 100.0 * members as f64 / individuals as f64)) "."
+                (share(members, individuals)) "."
                 @if shown.version.stands { span.scripted { " Give one of them another name to take it out." } }
             }
             div.medoids { @for &place in group { (card(&Card { record, shown, place })) } }
@@ -50,34 +79,117 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
     let medoid = &taxonomy.medoids[card.place];
     let individuals = taxonomy.clusters.len();
     let index = medoid.individual.index;
-    let robust = taxonomy.robust_trials.get(index as usize);
-    let share = 100.0 * medoid.cluster_size as f64 / individuals.max(1) as f64;
     let number = card.place + 1;
+    let (share, name) = (share(medoid.cluster_size, individuals), card.card_name());
     html! {
-        article.medoid data-index=(index) aria-labelledby={ "behaviour-" (number) } {
-            (stage(record, index, &format!("behaviour {number}")))
-            h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
-            p.reason title={
-                (grouped(medoid.cluster_size)) " of " (counted(individuals as u64, "individual"))
-                " are nearer to this behaviour than to any other on this page"
-            } { (format!("{share:.1} %")) " · cluster of " (grouped(medoid.cluster_size)) }
+        article.medoid.behaviour data-index=(index) aria-labelledby={ "behaviour-" (number) } {
+            (film(record, index, &format!("behaviour {number}")))
             progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all individuals" {}
-            (naming(card, index))
-            (judged(card, index))
-            (alike::mark(card.shown, card.place))
+            div.text {
+                div.name {
+                    h2 id={ "behaviour-" (number) } { (heading(number, name.as_ref(), None)) }
+                    p title={
+                        (grouped(medoid.cluster_size)) " of " (counted(individuals as u64, "individual"))
+                        " are nearer to this behaviour than to any other on this page"
+                    } { (measures(&share, card.purity(), card.robust())) }
+                }
+                (naming(card, index))
+                (origin(card))
+                (alike::mark(card.shown, card.place))
+                (sights(card))
+                (more(card))
+            }
+        }
+    }
+}
+
+/// The part of a cluster's individuals in all individuals, in percent.
+fn share(members: u64, individuals: usize) -> String {
+    format!("{:.1} %", 100.0 * members as f64 / individuals.max(1) as f64)
+}
+
+/// The pictures of the medoid and of the members that show the spread of its cluster, as the embedder sees them.
+fn sights(card: &Card<'_>) -> Markup {
+    let (record, number) = (card.record, card.place + 1);
+    let medoid = &card.shown.taxonomy.medoids[card.place];
+    let spread = card.shown.measured.spreads.get(card.place).copied().flatten();
+    let members = spread
+        .into_iter()
+        .flat_map(|members| ["nearest", "median", "farthest"].into_iter().zip(members));
+    html! {
+        div.sights {
+            (sight(&Sight {
+                source: archived::picture(record, medoid.individual.index),
+                alt: format!("Image of behaviour {number}"),
+                caption: "image",
+                title: "The image of this behaviour, as the embedder sees it".to_owned(),
+            }))
+            @for (which, (member, distance)) in members {
+                (sight(&Sight {
+                    source: archived::picture(record, member as u64),
+                    alt: format!("Image of the member of cluster {number} that is {which}: individual {member}"),
+                    caption: which,
+                    title: format!(
+                        "The member of this cluster that is {which}: individual {}, at a distance of {}",
+                        grouped(member as u64),
+                        figure(distance)
+                    ),
+                }))
+            }
+        }
+    }
+}
+
+/// The folded part of a card: numbers, genes, and what can be done with the behaviour.
+fn more(card: &Card<'_>) -> Markup {
+    let medoid = &card.shown.taxonomy.medoids[card.place];
+    let index = medoid.individual.index;
+    html! {
+        details.more {
+            summary { "More" span.unseen { " about behaviour " (card.place + 1) } }
             dl.figures {
-                div { dt { "Individual" } dd { (grouped(index)) } }
-                div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
-                div { dt { "Novelty" } dd { (figure(medoid.novelty)) } }
-                @if let Some(robust) = robust {
+                @if let Some(purity) = card.purity() {
+                    div title=(purity.in_words()) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
+                }
+                @if let Some((robust, starts)) = card.robust() {
                     div title="Trials of this individual to which no other behaviour on this page is nearer than this one" {
                         dt { "Robustness" }
-                        dd { (robust) " of " (record.spec.starts().get()) " trials" }
+                        dd { (robust) " of " (starts) " trials" }
                     }
                 }
+                div { dt { "Novelty" } dd { (figure(medoid.novelty)) } }
+                div { dt { "Mean distance" } dd { (figure(medoid.mean_distance)) } }
+                div { dt { "Cluster" } dd { (grouped(medoid.cluster_size)) } }
+                div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
+                div { dt { "Individual" } dd { (grouped(index)) } }
             }
+            h4 { "Controller" }
+            (genes(&medoid.individual.controller))
             code { (medoid.individual.controller) }
+            (uses(card))
             (files(card, index))
+        }
+    }
+}
+
+/// What can be done with a behaviour: play with its swarm, search around it, try it from further starts.
+fn uses(card: &Card<'_>) -> Markup {
+    let (record, number) = (card.record, card.place + 1);
+    let individual = &card.shown.taxonomy.medoids[card.place].individual;
+    let play = play::address_of(&record.spec, &individual.controller, individual.seed);
+    let of = || html! { span.unseen { " behaviour " (number) } };
+    html! {
+        div.choices {
+            @if let Some(play) = &play {
+                a.button href={ "/play?" (play) } { "Play with it" (of()) }
+                form method="post" action={ "/play/search?" (play) } title="Starts a small campaign whose first generation begins with this controller" {
+                    input type="hidden" name="request" value=(token());
+                    button.plain { "More like this" (of()) }
+                }
+            }
+            a.button.further href={ "/campaigns/" (record.id) "/individuals/" (individual.index) "/starts" } {
+                "Try 20 further starts" span.unseen { " of behaviour " (number) }
+            }
         }
     }
 }
@@ -86,60 +198,64 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
 pub(super) fn further(record: &CampaignRecord, name: Option<&GivenClass>, index: u64) -> Markup {
     let of = format!("individual {index}");
     html! {
-        article.medoid data-index=(index) aria-labelledby={ "individual-" (index) } {
-            (stage(record, index, &of))
-            h3 id={ "individual-" (index) } { "Individual " (grouped(index)) }
-            (name_field(index, &of, name.map(|name| &name.class)))
+        article.medoid.behaviour data-index=(index) aria-labelledby={ "individual-" (index) } {
+            (film(record, index, &of))
+            div.text {
+                div.name { h3 id={ "individual-" (index) } { "Individual " (grouped(index)) } }
+                (name_field(index, &of, &name.map_or(Field::Empty, |name| Field::Given(name.class.shown()))))
+            }
         }
     }
 }
 
-/// The picture of an individual, on which its motion plays; `of` says in words what the picture shows.
-fn stage(record: &CampaignRecord, index: u64, of: &str) -> Markup {
+/// The paths of an individual, on which its motion plays, with the controls of the motion; `of` says in words what they show.
+fn film(record: &CampaignRecord, index: u64, of: &str) -> Markup {
     html! {
-        div.stage tabindex="0" role="button" aria-label={ "Play " (of) } {
-            (parts::shape(record.spec.world()))
-            img src=(archived::picture(record, index)) width="150" height="150" loading="lazy" alt={ "Picture of " (of) };
-            canvas aria-hidden="true" {}
+        div.film {
+            div.stage tabindex="0" role="button" aria-label={ "Play " (of) } {
+                (parts::shape(record.spec.world()))
+                img src=(archived::paths(record, index)) width="300" height="300" loading="lazy" alt={ "Paths of " (of) };
+                canvas aria-hidden="true" {}
+            }
+            div.transport.scripted {
+                button.toggle type="button" aria-label={ "Play " (of) } {}
+                input.scrub type="range" min="0" max="1" value="0" aria-label={ "Step of " (of) } disabled;
+                output.step {}
+            }
         }
     }
+}
+
+/// The name in an individual's field.
+enum Field {
+    Empty,
+    /// A person gave the name.
+    Given(String),
+    /// Nobody has given the name yet. It becomes the name with a click.
+    Suggested(String),
 }
 
 /// The field for an individual's name.
-fn name_field(index: u64, of: &str, name: Option<&ClassName>) -> Markup {
-    html! {
-        form.naming.scripted data-index=(index) {
-            label { span.unseen { "Name of " (of) }
-                input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
-                    value=[name.map(ClassName::shown)];
-            }
-            button.plain { "Save" }
-        }
-    }
-}
-
-/// The judge's verdict on a medoid, with a button that makes the verdict the name of the behaviour.
-fn judged(card: &Card<'_>, index: u64) -> Markup {
-    let word = card.shown.words.get(&index).copied();
-    let is_named_so = |verdict: Verdict| {
-        card.name()
-            .is_some_and(|name| name.class.key().as_str() == verdict.name())
+fn name_field(index: u64, of: &str, field: &Field) -> Markup {
+    let (value, suggested) = match field {
+        Field::Empty => (None, None),
+        Field::Given(name) => (Some(name), None),
+        Field::Suggested(name) => (None, Some(name)),
     };
+    let placeholder = suggested.map_or_else(|| "Name it".to_owned(), |name| format!("{name}?"));
     html! {
-        @if let Some(verdict) = word.filter(|verdict| !is_named_so(*verdict)) {
-            p.judged {
-                "The judge says: " (starts::in_words(verdict)) ". "
-                @if card.shown.version.stands {
-                    button.plain.scripted.once-named type="button" data-suggested=(verdict.name().replace('_', " ")) {
-                        "Use as name" span.unseen { " of behaviour " (card.place + 1) }
-                    }
-                }
+        form.naming.scripted data-index=(index) data-suggested=[suggested] {
+            label { span.unseen { "Name of " (of) }
+                input name="name" list="names" maxlength="64" autocomplete="off" placeholder=(placeholder) value=[value];
+            }
+            button.plain {
+                @if suggested.is_some() { span.while-empty { "Confirm" } span.once-typed { "Save" } } @else { "Save" }
             }
         }
     }
 }
 
-/// Links for which workers must simulate: further starts, and files to download.
+/// Links to files to download, for which workers must simulate.
 fn files(card: &Card<'_>, index: u64) -> Markup {
     let number = card.place + 1;
     let of = format!("/campaigns/{}/individuals/{index}", card.record.id);
@@ -150,33 +266,48 @@ fn files(card: &Card<'_>, index: u64) -> Markup {
         }
     };
     html! {
-        a.button.further href={ (of) "/starts" } { "Try 20 further starts" span.unseen { " of behaviour " (number) } }
         p.reason { "Download: " (file("motion.gif", "GIF", "motion")) ", " (file("paths.svg", "SVG", "paths")) }
     }
 }
 
-/// The name of a behaviour and the origin of the name. The name can be edited if the version is current.
+/// The field for the name of a behaviour, if the version is current. It suggests the name that was carried over, or else the
+/// judge's verdict.
 fn naming(card: &Card<'_>, index: u64) -> Markup {
-    let (name, number) = (card.name(), card.place + 1);
+    let random = |verdict: Verdict| verdict.name() == RANDOM;
+    let field = match (card.name(), card.verdict()) {
+        (Some(name), _) if name.origin == Origin::Person => Field::Given(name.class.shown()),
+        (Some(name), _) => Field::Suggested(name.class.shown()),
+        (None, Some(verdict)) if !random(verdict) => Field::Suggested(verdict.name().replace('_', " ")),
+        (None, _) => Field::Empty,
+    };
     html! {
-        @if card.shown.version.stands {
-            (name_field(index, &format!("behaviour {number}"), name.map(|name| &name.class)))
-        } @else if let Some(name) = name {
-            p { strong { (name.class.shown()) } }
-        }
-        @if let Some(name) = name {
-            @match name.origin {
-                Origin::Person => {},
-                Origin::Judge => {
-                    p.reason { "Named “" (name.class.shown()) "” by the rule-based judge, not by a person." }
-                },
-                Origin::Carried { version, place, shared, of } => {
-                    p.reason {
-                        "Carried over from behaviour " (place + 1) " of " (versions::link(card.record, version)) ": "
-                        (grouped(shared)) " of its " (counted(of, "individual")) " are in this cluster."
-                        @if card.shown.version.stands { " Save the name to make it a label of this behaviour." }
-                    }
-                },
+        @if card.shown.version.stands { (name_field(index, &format!("behaviour {}", card.place + 1), &field)) }
+    }
+}
+
+/// The origin of a name that was carried over, and the judge's verdict if it differs from the name.
+fn origin(card: &Card<'_>) -> Markup {
+    let name = card.name();
+    let differs = |verdict: &Verdict| name.is_some_and(|name| name.class.key().as_str() != verdict.name());
+    let verdict = card.verdict().filter(differs);
+    let carried = name.and_then(|name| match name.origin {
+        Origin::Carried {
+            version,
+            place,
+            shared,
+            of,
+        } => Some((version, place, shared, of)),
+        Origin::Person | Origin::Judge => None,
+    });
+    html! {
+        @if carried.is_some() || verdict.is_some() {
+            p.judged {
+                @if let Some((version, place, shared, of)) = carried {
+                    "Carried over from behaviour " (place + 1) " of " (versions::link(card.record, version)) ": "
+                    (grouped(shared)) " of its " (counted(of, "individual")) " are in this cluster. "
+                    @if card.shown.version.stands { "Confirm the name to make it a label of this behaviour. " }
+                }
+                @if let Some(verdict) = verdict { "The judge says: " (starts::in_words(verdict)) "." }
             }
         }
     }

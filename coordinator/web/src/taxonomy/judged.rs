@@ -1,9 +1,8 @@
-//! The rule-based judge's verdicts on medoids, and on further starts of medoids. Workers simulate and judge the motions. The
-//! latest verdicts stay in memory; no verdict is stored on disk.
+//! The rule-based judge's verdicts on further starts of medoids. Workers simulate and judge the motions. The latest verdicts stay
+//! in memory; no verdict is stored on disk.
 
 use crate::Web;
 use murmuration_dispatch::{Evaluated, EvaluationJob};
-use murmuration_engine::taxonomy::Medoid;
 use murmuration_model::CampaignRecord;
 use murmuration_service::{self as service, OrStatus as _};
 use murmuration_store::Store;
@@ -20,15 +19,12 @@ use tonic::Status;
 pub(super) const STARTS: u64 = 20;
 /// Maximum number of individuals whose further starts are kept; the pictures of an individual take some 50 kB.
 const MOST_STARTS: usize = 64;
-/// Maximum number of individuals whose verdicts are kept.
-const MOST_WORDS: usize = 4096;
 
-/// The judge's latest verdicts. A clone is cheap.
+/// The latest further starts. A clone is cheap.
 #[derive(Debug, Clone, Default)]
-pub struct Judged {
-    starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
-    words: Arc<Mutex<Recent<Verdict>>>,
-    /// Only one request at a time asks the workers about the same medoids or the same individual; the others wait for its verdicts.
+pub struct FurtherStarts {
+    latest: Arc<Mutex<Latest>>,
+    /// Only one request at a time asks the workers about the same individual; the others wait for its starts.
     asking: service::Recent<()>,
 }
 
@@ -46,95 +42,45 @@ fn key(record: &CampaignRecord, index: u64) -> Key {
     (record.id.to_string(), record.archive_version().origin(), index)
 }
 
-/// The newest values, sorted with the oldest first.
-#[derive(Debug)]
-struct Recent<T>(VecDeque<(Key, T)>);
+/// The newest starts, sorted with the oldest first.
+#[derive(Debug, Default)]
+struct Latest(VecDeque<(Key, Arc<Vec<Start>>)>);
 
-impl<T> Default for Recent<T> {
-    fn default() -> Self {
-        Self(VecDeque::new())
-    }
-}
-
-impl<T: Clone> Recent<T> {
-    fn get(&self, key: &Key) -> Option<T> {
+impl Latest {
+    fn get(&self, key: &Key) -> Option<Arc<Vec<Start>>> {
         let found = self.0.iter().find(|(known, _)| known == key);
-        found.map(|(_, value)| value.clone())
+        found.map(|(_, starts)| Arc::clone(starts))
     }
 
-    fn add(&mut self, key: Key, value: T, most: usize) {
+    fn add(&mut self, key: Key, starts: Arc<Vec<Start>>) {
         self.0.retain(|(known, _)| *known != key);
-        self.0.push_back((key, value));
-        while self.0.len() > most {
+        self.0.push_back((key, starts));
+        while self.0.len() > MOST_STARTS {
             self.0.pop_front();
         }
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+fn lock(mutex: &Mutex<Latest>) -> std::sync::MutexGuard<'_, Latest> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Judged {
-    /// The known verdicts on these medoids: the campaign's most frequent verdict over all starts, or else a recent verdict on the
-    /// first start.
-    pub(crate) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
-        let lately = lock(&self.words);
-        let word = |medoid: &Medoid| {
-            let individual = &medoid.individual;
-            let message =
-                most_frequent(individual.verdicts()).or_else(|| lately.get(&key(record, individual.index)));
-            Some((individual.index, message?))
-        };
-        medoids.iter().filter_map(word).collect()
-    }
-
-    /// Lets workers judge the medoids that have no verdict yet.
-    pub(crate) async fn ask(
-        &self,
-        web: &Web,
-        record: &CampaignRecord,
-        medoids: &[Medoid],
-    ) -> Result<(), Status> {
-        let asking = self.asking.follow(format!("medoids of {}", record.id));
-        let ask = self.judge(web, record, medoids);
-        asking.within(Duration::ZERO, ask).await
-    }
-
-    async fn judge(&self, web: &Web, record: &CampaignRecord, medoids: &[Medoid]) -> Result<(), Status> {
-        let known = self.known(record, medoids);
-        let open = medoids.iter().map(|medoid| &medoid.individual);
-        let open: Vec<_> = open
-            .filter(|individual| !known.contains_key(&individual.index))
-            .collect();
-        let tasks = open
-            .iter()
-            .map(|individual| (individual.controller.clone(), individual.seed));
-        let evaluated = evaluated(web, record, tasks.collect()).await?;
-        let mut words = lock(&self.words);
-        for (individual, start) in open.iter().zip(evaluated) {
-            if let Some(start) = start {
-                words.add(key(record, individual.index), start.verdict, MOST_WORDS);
-            }
-        }
-        Ok(())
-    }
-
+impl FurtherStarts {
     /// [`STARTS`] further starts of an individual. These starts are different from those of its trials.
-    pub(super) async fn starts(
+    pub(super) async fn of(
         &self,
         web: &Web,
         record: &CampaignRecord,
         index: u64,
     ) -> Result<Arc<Vec<Start>>, Status> {
         let key = key(record, index);
-        if let Some(known) = lock(&self.starts).get(&key) {
+        if let Some(known) = lock(&self.latest).get(&key) {
             return Ok(known);
         }
         let asking = self.asking.follow(format!("starts of {key:?}"));
         let ask = self.further_starts(web, record, index, &key);
         asking.within(Duration::ZERO, ask).await?;
-        lock(&self.starts)
+        lock(&self.latest)
             .get(&key)
             .ok_or_else(|| Status::unavailable("others asked for many starts meanwhile: try again"))
     }
@@ -147,7 +93,7 @@ impl Judged {
         index: u64,
         key: &Key,
     ) -> Result<(), Status> {
-        if lock(&self.starts).get(key).is_some() {
+        if lock(&self.latest).get(key).is_some() {
             return Ok(());
         }
         let (id, model) = (record.id.clone(), record.spec.model().clone());
@@ -158,7 +104,7 @@ impl Judged {
         let tasks = (first..first + STARTS).map(|start| (individual.controller.clone(), seed(start)));
         let evaluated = evaluated(web, record, tasks.collect()).await?;
         let starts: Arc<Vec<Start>> = Arc::new(evaluated.into_iter().flatten().collect());
-        lock(&self.starts).add(key.clone(), starts, MOST_STARTS);
+        lock(&self.latest).add(key.clone(), starts);
         Ok(())
     }
 }
@@ -197,7 +143,7 @@ async fn evaluated(
 }
 
 /// The most frequent verdict; if several verdicts are equally frequent, the first of them.
-fn most_frequent(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
+pub(super) fn most_frequent(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
     counted(verdicts).first().map(|(verdict, _)| *verdict)
 }
 
@@ -227,15 +173,17 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_answer_is_forgotten_first_and_a_newer_one_takes_its_place() {
+    fn the_oldest_starts_are_forgotten_first_and_newer_ones_take_their_place() {
         let of = |index| ("small-1".to_owned(), "5".to_owned(), index);
-        let mut recent = Recent::default();
-        for (index, value) in [(1, 'a'), (2, 'b'), (1, 'c'), (3, 'd')] {
-            recent.add(of(index), value, 2);
+        let mut latest = Latest::default();
+        let starts = || Arc::new(Vec::new());
+        for index in 0..MOST_STARTS as u64 {
+            latest.add(of(index), starts());
         }
-        assert_eq!(
-            [1, 2, 3].map(|index| recent.get(&of(index))),
-            [Some('c'), None, Some('d')]
-        );
+        let newer = starts();
+        latest.add(of(0), Arc::clone(&newer));
+        latest.add(of(99), starts());
+        assert!(latest.get(&of(0)).is_some_and(|kept| Arc::ptr_eq(&kept, &newer)));
+        assert!(latest.get(&of(1)).is_none() && latest.get(&of(2)).is_some());
     }
 }

@@ -6,10 +6,13 @@ mod card;
 pub(super) mod changes;
 mod judged;
 pub(super) mod map;
+mod measured;
 pub(super) mod starts;
 mod versions;
 
-pub use judged::Judged;
+pub use judged::FurtherStarts;
+use measured::Measured;
+pub use measured::Measurements;
 
 use super::{
     Web,
@@ -30,7 +33,7 @@ use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::{in_background, parallel},
-    taxonomy::{Alike, Names, Origin, Taxonomy},
+    taxonomy::{Alike, Medoid, Names, Origin, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
 use murmuration_proto::v1::{
@@ -59,8 +62,6 @@ const KEYS: [(&str, &str); 3] = [
 pub(super) struct Asked {
     /// The version to show; by default the newest version.
     version: Option<u32>,
-    /// Whether to ask the judge about the medoids; any value means yes.
-    judged: Option<String>,
     /// Number of individuals to show beside the medoids.
     more: Option<usize>,
 }
@@ -74,7 +75,8 @@ struct Shown {
     labels: Arc<Labels>,
     /// Pairs of clusters that touch; empty unless the version is current.
     alike: Vec<Alike>,
-    /// The known verdicts of the judge on medoids, by the index of the medoid.
+    measured: Arc<Measured>,
+    /// The judge's verdicts on medoids, by the index of the medoid.
     words: BTreeMap<u64, Verdict>,
     /// Individuals shown besides the medoids, far from the medoids and from each other.
     further: Vec<u64>,
@@ -97,11 +99,9 @@ pub(super) async fn page(
         None if asked.version.is_some() => return Err(PageError::NoPage),
         None => {}
         Some(shown) => {
-            let medoids = &shown.taxonomy.medoids;
-            if asked.judged.is_some() {
-                web.judged.ask(&web, &record, medoids).await?;
-            }
-            shown.words = web.judged.known(&record, medoids);
+            let (taxonomy, stands) = (&shown.taxonomy, shown.version.stands);
+            shown.measured = web.measured.of(&web, &record, taxonomy, stands).await?;
+            shown.words = shown.measured.verdicts(taxonomy);
             if let Some(more) = asked.more.filter(|_| shown.version.stands) {
                 let queries = &web.labels.queries;
                 let further = queries
@@ -134,9 +134,6 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     html! {
         @if shown.version.stands {
             button.plain.scripted.once-named type="button" data-do="undo" { "Undo my last answer" }
-            @if shown.words.len() < shown.taxonomy.medoids.len() {
-                a.button href={ (of) "/taxonomy?judged=yes" } { "Ask the judge for names" }
-            }
         }
         @if shown.versions.len() > 1 { a.button href={ (of) "/taxonomy/changes" } { "Before and after" } }
         @if shown.version.stands {
@@ -167,6 +164,7 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     Ok(Some(Shown {
         alike,
         further: Vec::new(),
+        measured: Arc::default(),
         words: BTreeMap::new(),
         versions,
         version,
@@ -176,27 +174,31 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
-/// The named behaviours in one line; empty if no behaviour has a name.
-fn answer(shown: &Shown) -> Markup {
+/// The names of the cards, by place. A name that was carried over counts only if the judge does not contradict it.
+fn names(shown: &Shown) -> Vec<report::Shown> {
     let medoids = shown.taxonomy.medoids.iter().enumerate();
-    let shown = medoids.map(|(place, medoid)| {
-        let name = shown.names.names.get(place).and_then(Option::as_ref);
-        let name = name.filter(|name| name.origin != Origin::Judge);
+    let name_of = |(place, medoid): (usize, &Medoid)| {
         let verdict = shown.words.get(&medoid.individual.index).copied();
+        let name = shown.names.names.get(place).and_then(Option::as_ref);
+        let name = name.filter(|name| match name.origin {
+            Origin::Person => true,
+            Origin::Judge => false,
+            Origin::Carried { .. } => {
+                verdict.is_none_or(|verdict| verdict.name() == name.class.key().as_str())
+            }
+        });
         report::Shown::of(name.map(|name| &name.class), verdict)
-    });
-    let found = report::found(&shown.collect::<Vec<_>>());
-    html! {
-        @if !found.is_empty() { p.lead { @for (count, names) in found { strong { (count) } ": " (names) ". " } } }
-    }
+    };
+    medoids.map(name_of).collect()
 }
 
 /// The cards of a version, with an introduction.
 fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
     let embeds = record.spec.space().embeds();
     html! {
+        @let names = names(shown);
         (versions::list(record, shown))
-        (answer(shown))
+        (report::answer(&names, &shown.measured.judged))
         p.lead {
             "Each card shows a behaviour that stands for a cluster. The largest cluster is first. "
             @if let Some(sample) = report::sample_in_words(&record.spec) { (sample) " " }
@@ -215,17 +217,44 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
             datalist #names { @for class in shown.labels.classes() { option value=(class.name.shown()) {} } }
         }
         @if shown.version.stands { (parts::status_line()) }
-        ul.medoids {
-            @for group in alike::groups(shown) {
-                @if let [place] = group.as_slice() {
-                    li { (card(&Card { record, shown, place: *place })) }
-                } @else {
-                    li.merged { (card::merged(record, shown, &group)) }
-                }
-            }
+        @let (distinct, others) = folding(record, shown, &names);
+        (groups(record, shown, &distinct))
+        @if !others.is_empty() {
+            @let folded: Vec<usize> = others.concat();
+            details.others-shown { summary { (report::folded(&names, &folded)) } (groups(record, shown, &others)) }
         }
         @if shown.version.stands { (further(record, shown)) }
         (alike::section(record, shown))
+    }
+}
+
+/// The groups of clusters with the same name that show a distinct behaviour, and the other groups, which the page folds.
+fn folding(record: &CampaignRecord, shown: &Shown, names: &[report::Shown]) -> (Groups, Groups) {
+    let groups = alike::groups(shown);
+    let (distinct, _) = report::distinct(names);
+    // The judge ignores species, so its names cannot show which behaviours of several species are of one kind.
+    if distinct.is_empty() || record.spec.model().species().len() > 1 {
+        return (groups, Vec::new());
+    }
+    groups
+        .into_iter()
+        .partition(|group| group.iter().any(|place| distinct.contains(place)))
+}
+
+/// Clusters with the same name, by their places.
+type Groups = Vec<Vec<usize>>;
+
+fn groups(record: &CampaignRecord, shown: &Shown, groups: &[Vec<usize>]) -> Markup {
+    html! {
+        ul.medoids {
+            @for group in groups {
+                @if let [place] = group.as_slice() {
+                    li { (card(&Card { record, shown, place: *place })) }
+                } @else {
+                    li.merged { (card::merged(record, shown, group)) }
+                }
+            }
+        }
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) async fn page(
     Path((_, index)): Path<(String, u64)>,
     OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let starts = web.judged.starts(&web, &record, index).await?;
+    let starts = web.starts.of(&web, &record, index).await?;
     let content = html! {
         div.wide-bar {
             h1 { "Individual " (grouped(index)) }
@@ -89,7 +89,7 @@ pub(crate) async fn picture(
     Query(created): Query<Created>,
     OfCampaign { web, record, .. }: OfCampaign,
 ) -> Result<impl IntoResponse, PageError> {
-    let starts = web.judged.starts(&web, &record, index).await?;
+    let starts = web.starts.of(&web, &record, index).await?;
     let start = starts.get(place).ok_or(PageError::NoPage)?;
     let png = image_png(&start.image, record.spec.image().shape(), SCALE)?;
     Ok(([(CONTENT_TYPE, "image/png"), created.keep(&record)], png))

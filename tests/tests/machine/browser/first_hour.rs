@@ -292,6 +292,7 @@ impl Researcher {
             .value("document.querySelector('.medoid').dataset.index")
             .await;
         let file = format!("small-1-individual-{}.svg", index.as_str().unwrap());
+        window.click(".medoid .more summary").await;
         let paths = window.download(".medoid a[href*='paths.svg']", &file).await;
         assert!(paths.contains("<svg"), "{paths}");
     }

@@ -123,7 +123,7 @@ pub async fn a_word_of_a_class_is_not_broken() {
 
 /// Finds controls that extend beyond their player.
 const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((part) => { \
-    const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \
+    const [own, player] = [part, part.closest('.player, .film')].map((one) => one.getBoundingClientRect()); \
     return part.checkVisibility() && (own.left < player.left - 1 || own.right > player.right + 1); }).map((part) => part.outerHTML)";
 
 const PAGES: [(&str, &str); 7] = [

@@ -49,7 +49,7 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
     // The taxonomy consists of pictures and numbers.
     assert_eq!(
         window
-            .value("document.querySelectorAll('.medoid img').length")
+            .value("document.querySelectorAll('.medoid .stage img').length")
             .await,
         json!(4)
     );

@@ -329,9 +329,9 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
         .await;
     // The page does not ask for the name of a visitor who only reads.
     window
-        .until("document.querySelector('.medoid input').checkVisibility() && !document.querySelector('dialog[open]')")
+        .until("document.querySelector('.medoid .naming input').checkVisibility() && !document.querySelector('dialog[open]')")
         .await;
-    window.click(".medoid:first-of-type input").await;
+    window.click(".medoid .naming input").await;
     window.press("milling").await;
     window.press("\u{e007}").await;
     introduce_here(&window, "Ana").await;
@@ -342,7 +342,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
     assert_eq!(scene.labels.standing().await[&index.as_u64().unwrap()], "milling");
     window.driver.refresh().await.unwrap();
     window
-        .until("document.querySelector('.medoid input').value === 'milling' && document.querySelector('a[href$=\"/contact-sheet.svg\"]')")
+        .until("document.querySelector('.medoid .naming input').value === 'milling' && document.querySelector('a[href$=\"/contact-sheet.svg\"]')")
         .await;
     window.close().await;
 

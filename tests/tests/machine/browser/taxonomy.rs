@@ -40,19 +40,19 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     window
         .until("document.querySelectorAll('.medoid').length === 20")
         .await;
-    // The judge's class appears only on request, and becomes a name with a click.
-    assert_eq!(
-        window.value("document.querySelectorAll('.judged').length").await,
-        0
-    );
-    window.click("a[href$='judged=yes']").await;
+    // The judge's verdict is on each card, in grey with a question mark, and becomes a name with a click. What is random or of a kind
+    // that is shown already is folded.
     window
-        .until("document.querySelectorAll('.judged').length === 20")
+        .until("[...document.querySelectorAll('.medoid .unsure')].filter((name) => /\\?$/.test(name.textContent)).length === 20")
         .await;
+    window
+        .until("/^\\d+ more: /.test(document.querySelector('.others-shown summary').textContent) && document.querySelector('.findings')")
+        .await;
+    look(&window, "taxonomy-first").await;
     let word = window
-        .value("document.querySelector('.judged button').dataset.suggested")
+        .value("document.querySelector('.medoid .naming').dataset.suggested")
         .await;
-    window.click(".judged button").await;
+    window.click(".medoid .naming button").await;
     saved(&window).await;
     let first = window
         .value("Number(document.querySelector('.medoid').dataset.index)")
@@ -94,6 +94,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     assert_eq!(scene.labels.standing().await.len(), labels);
 
     // A dialog shows twenty further starts.
+    window.click(".medoid .more summary").await;
     window.click(".further").await;
     window
         .until(
@@ -121,8 +122,9 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     look(&window, "taxonomy-more").await;
 
     // Five clusters get names, the campaign learns, and the page shows what became of these clusters.
+    window.click(".others-shown summary").await;
     for place in 1..=5 {
-        let card = format!(".medoids > li:nth-child({place}) input");
+        let card = format!(".others-shown .medoids > li:nth-child({place}) .naming input");
         let empty = format!("document.querySelector({card:?}).value = ''");
         window.driver.execute(empty, vec![]).await.unwrap();
         window.click(&card).await;
@@ -133,7 +135,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
     window.click(".learn button").await;
     window.click("dialog.ask [value=yes]").await;
     window
-        .until("document.getElementById('legend')?.textContent.includes('unnamed · 595')")
+        .until("document.getElementById('legend')?.textContent.includes('unnamed · 594')")
         .await;
     window.driver.goto(scene.url("/taxonomy")).await.unwrap();
     window

@@ -1,0 +1,132 @@
+//! The parts of a behaviour's card that reports and the coordinator's pages share, and their style sheet.
+
+use crate::judged::Purity;
+use maud::{Markup, html};
+use murmuration_swarm::{Controller, Verdict};
+
+/// The style of cards. A page defines the colours as custom properties: `--surface`, `--sunken`, `--ink`, `--muted`, `--line`,
+/// `--accent`.
+pub const STYLE: &str = include_str!("card.css");
+
+/// Who gave a behaviour its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Namer {
+    /// An annotator gave the name to this behaviour.
+    Annotator,
+    /// Only the rule-based judge gave the name.
+    Judge,
+    /// The name comes from a cluster of an earlier version of the taxonomy.
+    Earlier,
+}
+
+impl Namer {
+    /// The origin of a name that no annotator gave to this behaviour: in short, and as a sentence.
+    const fn in_words(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Annotator => None,
+            Self::Judge => Some(("judge", "Named by the rule-based judge, not by a person.")),
+            Self::Earlier => Some((
+                "carried over",
+                "Carried over from an earlier version of the taxonomy. Nobody has given the name to this behaviour.",
+            )),
+        }
+    }
+}
+
+/// The name on a card.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CardName {
+    pub name: String,
+    pub by: Namer,
+}
+
+impl CardName {
+    /// The judge's verdict as a name.
+    #[must_use]
+    pub fn of_verdict(verdict: Verdict) -> Self {
+        Self {
+            name: verdict.words(),
+            by: Namer::Judge,
+        }
+    }
+
+    /// Whether an annotator has given the name to this behaviour. Other names are shown with a question mark.
+    #[must_use]
+    pub fn is_sure(&self) -> bool {
+        self.by == Namer::Annotator
+    }
+
+    /// The name, with a question mark unless an annotator gave it to this behaviour.
+    #[must_use]
+    pub fn shown(&self) -> String {
+        match self.is_sure() {
+            true => self.name.clone(),
+            false => format!("{}?", self.name),
+        }
+    }
+}
+
+/// The heading of a card: its number, from 1, and its name. `colour`, if any, is the class's colour.
+pub fn heading(number: usize, name: Option<&CardName>, colour: Option<&str>) -> Markup {
+    let style = colour.map(|colour| format!("--class:{colour}"));
+    let is_sure = name.is_none_or(CardName::is_sure);
+    let class = match (colour.is_some(), is_sure) {
+        (true, true) => Some("class"),
+        (true, false) => Some("class unsure"),
+        (false, true) => None,
+        (false, false) => Some("unsure"),
+    };
+    html! {
+        span.swatch aria-hidden="true" { (number) }
+        @match name {
+            Some(name) => {
+                @let origin = name.by.in_words();
+                span class=[class] style=[style] title=[origin.map(|(_, whole)| whole)] { (name.shown()) }
+                @if let Some((short, _)) = origin { small { (short) } }
+            },
+            None => { "Behaviour " (number) },
+        }
+    }
+}
+
+/// The line below the heading: the share of the cluster in the archive, its purity, and the medoid's robustness, which is a count
+/// of trials out of all trials.
+pub fn measures(share: &str, purity: Option<Purity>, robust: Option<(usize, usize)>) -> Markup {
+    html! {
+        strong { (share) }
+        @if let Some(purity) = purity { " · purity " (purity.alike) " of " (purity.known) }
+        @if let Some((robust, starts)) = robust { " · robust in " (robust) " of " (starts) }
+    }
+}
+
+/// A small picture on a card.
+#[derive(Debug, Clone)]
+pub struct Sight {
+    /// Address of the picture.
+    pub source: String,
+    /// Text for those who do not see the picture.
+    pub alt: String,
+    pub caption: &'static str,
+    /// Explanation that a pointer shows.
+    pub title: String,
+}
+
+/// A figure with a small picture as the embedder sees it.
+pub fn sight(sight: &Sight) -> Markup {
+    html! {
+        figure title=(sight.title) {
+            img.grey src=(sight.source) loading="lazy" alt=(sight.alt);
+            figcaption { (sight.caption) }
+        }
+    }
+}
+
+/// The genes of a controller with their names.
+pub fn genes(controller: &Controller) -> Markup {
+    let names = controller.model().gene_names();
+    html! {
+        dl.genes {
+            @for (name, gene) in names.iter().zip(controller.genes()) { div { dt { (name) } dd { (gene) } } }
+        }
+    }
+}
