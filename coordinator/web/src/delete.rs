@@ -1,6 +1,6 @@
 //! Deleting a campaign: the page first lists the data that would be deleted.
 
-use super::{Web, asked::Form, layout::layout, of_campaign::OfCampaign, page_error::PageError};
+use super::{Web, asked::Form, layout::layout, of_campaign::OfCampaign, page_error::PageError, parts};
 use axum::{
     extract::{Path, State},
     response::Redirect,
@@ -64,12 +64,16 @@ pub(super) async fn delete(
     Ok(Redirect::to("/"))
 }
 
-/// The button on a campaign's page that leads to the page of this module; empty while the campaign runs. The button's own page
-/// does not list the data, because counting them takes too long for a page that is sent after every change.
-pub(super) fn button(record: &CampaignRecord) -> Markup {
+/// The menu of a campaign that does not run: start another one like it, or delete it. The link to the page of this module does not
+/// list the data, because counting them takes too long for a page that is sent after every change.
+pub(super) fn menu(record: &CampaignRecord) -> Markup {
+    let id = record.id.as_str();
     html! {
         @if record.state != CampaignState::Running {
-            form method="get" action={ "/campaigns/" (record.id) "/delete" } { button.danger #delete { "Delete" } }
+            (parts::menu(id, &html! {
+                a href={ "/new?from=" (id) } { "Start another with this specification" }
+                a.delete href={ "/campaigns/" (id) "/delete" } { "Delete" span.unseen { " " (id) } }
+            }))
         }
     }
 }
@@ -119,6 +123,6 @@ mod tests {
             page.contains("Cancel it first.") && !page.contains("<form"),
             "{page}"
         );
-        assert!(button(&running).into_string().is_empty());
+        assert!(menu(&running).into_string().is_empty());
     }
 }

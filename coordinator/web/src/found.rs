@@ -21,6 +21,56 @@ pub(super) const STATES: [&str; 7] = [
     "cancelled",
 ];
 
+/// The order of the list's lines.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Order {
+    #[default]
+    Newest,
+    Oldest,
+    /// By the name in the id, newest first among equal names.
+    Name,
+    /// By the place of the state in [`STATES`], newest first among equal states.
+    State,
+}
+
+/// The orders with their names on the page.
+pub(super) const ORDERS: [(Order, &str); 4] = [
+    (Order::Newest, "newest"),
+    (Order::Oldest, "oldest"),
+    (Order::Name, "name"),
+    (Order::State, "state"),
+];
+
+impl Order {
+    /// The name in the address.
+    pub(super) fn name(self) -> &'static str {
+        ORDERS
+            .iter()
+            .find(|(order, _)| *order == self)
+            .map_or("", |(_, name)| *name)
+    }
+
+    /// Sorts campaigns, which are sorted newest first.
+    fn sort(self, newest_first: &mut [&ListedCampaign]) {
+        let name = |listed: &&ListedCampaign| {
+            let id = listed.head.id.as_str();
+            let name = id.rsplit_once('-').map_or(id, |(name, _)| name);
+            name.to_lowercase()
+        };
+        let state = |listed: &&ListedCampaign| {
+            let word = state_word(listed);
+            STATES.iter().position(|state| *state == word)
+        };
+        match self {
+            Self::Newest => {}
+            Self::Oldest => newest_first.reverse(),
+            Self::Name => newest_first.sort_by_key(name),
+            Self::State => newest_first.sort_by_key(state),
+        }
+    }
+}
+
 /// The parameters of the list's address; an empty field does not filter.
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(default)]
@@ -31,6 +81,7 @@ pub(super) struct Wanted {
     pub(super) state: String,
     /// The study whose campaigns are wanted; the list then has one line for each campaign of the study.
     pub(super) study: String,
+    pub(super) order: Order,
     /// The number of the page, from 0.
     pub(super) page: usize,
 }
@@ -74,7 +125,7 @@ impl Words {
 
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Found {
-    /// The lines of the page, newest first.
+    /// The lines of the page, in the wanted order.
     pub(super) lines: Vec<Line>,
     /// Number of matching campaigns on all pages.
     pub(super) matching: usize,
@@ -89,7 +140,7 @@ pub(super) enum Line {
     Campaign(CampaignId),
     Study {
         name: CampaignName,
-        /// The study's newest matching campaigns, newest first.
+        /// The study's first matching campaigns.
         cells: Vec<CampaignId>,
         /// Number of matching campaigns by state.
         states: BTreeMap<&'static str, u64>,
@@ -117,10 +168,11 @@ impl Wanted {
     pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
         let words = self.words.0.to_lowercase();
         let words: Vec<&str> = words.split_whitespace().collect();
-        let matching: Vec<_> = campaigns
-            .iter()
+        let newest_first = campaigns.iter().rev();
+        let mut matching: Vec<_> = newest_first
             .filter(|listed| self.matches(&words, listed))
             .collect();
+        self.order.sort(&mut matching);
         let lines = self.lines(&matching);
         let pages = lines.len().div_ceil(MOST).max(1);
         let first = self.page.min(pages - 1) * MOST;
@@ -145,11 +197,11 @@ impl Wanted {
         words.iter().all(|word| text.contains(word))
     }
 
-    /// All lines, newest first; a study has the place of its newest campaign.
+    /// All lines, in the order of `matching`; a study has the place of its first campaign.
     fn lines(&self, matching: &[&ListedCampaign]) -> Vec<Line> {
         let mut lines = Vec::new();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
-        for listed in matching.iter().rev() {
+        for listed in matching {
             let id = &listed.head.id;
             let Some(study) = listed.head.study.as_ref().filter(|_| self.study.is_empty()) else {
                 lines.push(Line::Campaign(id.clone()));
@@ -220,8 +272,31 @@ mod tests {
             words: words.try_into().unwrap(),
             state,
             study,
+            order: Order::Newest,
             page,
         }
+    }
+
+    #[test]
+    fn the_list_is_sorted_as_asked() {
+        let mut campaigns = vec![
+            listed(1, "", CampaignState::Completed),
+            listed(2, "", CampaignState::Running),
+            listed(3, "", CampaignState::Failed),
+        ];
+        campaigns[2].head.id = "Aardvark-3".parse().unwrap();
+        let ids = |order| {
+            let wanted = Wanted {
+                order,
+                ..Wanted::default()
+            };
+            let ids = wanted.of(&campaigns).ids();
+            ids.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(ids(Order::Newest), ["Aardvark-3", "alone-2", "alone-1"]);
+        assert_eq!(ids(Order::Oldest), ["alone-1", "alone-2", "Aardvark-3"]);
+        assert_eq!(ids(Order::Name), ["Aardvark-3", "alone-2", "alone-1"]);
+        assert_eq!(ids(Order::State), ["alone-2", "alone-1", "Aardvark-3"]);
     }
 
     #[test]
@@ -269,6 +344,6 @@ mod tests {
     #[test]
     fn an_address_keeps_what_is_wanted() {
         let address = wanted("a b", "paused", "", 0).address("/", 2);
-        assert_eq!(address, "/?words=a+b&state=paused&study=&page=2");
+        assert_eq!(address, "/?words=a+b&state=paused&study=&order=newest&page=2");
     }
 }

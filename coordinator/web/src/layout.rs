@@ -24,16 +24,40 @@ pub(super) enum Part {
     Atlas,
 }
 
+/// A purpose for which people are on the pages of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Watch,
+    Label,
+    Analyse,
+}
+
+impl Purpose {
+    const ALL: [(Self, &str); 3] = [
+        (Self::Watch, "Watch"),
+        (Self::Label, "Label"),
+        (Self::Analyse, "Analyse"),
+    ];
+
+    /// The pages of the campaign for this purpose; the first of them is the page that a click on the purpose leads to.
+    fn parts(self, record: &CampaignRecord) -> impl Iterator<Item = (Part, &'static str, &'static str)> {
+        let parts = Part::ALL.into_iter();
+        let own = parts.filter(move |(_, purpose, ..)| *purpose == self);
+        own.filter(|(part, ..)| part.is_of(record))
+            .map(|(part, _, path, name)| (part, path, name))
+    }
+}
+
 impl Part {
-    const ALL: [(Self, &str, &str); 8] = [
-        (Self::Progress, "", "Progress"),
-        (Self::Label, "/label", "Label"),
-        (Self::Sheet, "/sheet", "Sheet"),
-        (Self::Map, "/map", "Map"),
-        (Self::Answers, "/answers", "Answers"),
-        (Self::Classes, "/classes", "Classes"),
-        (Self::Taxonomy, "/taxonomy", "Taxonomy"),
-        (Self::Atlas, "/atlas", "Atlas"),
+    const ALL: [(Self, Purpose, &str, &str); 8] = [
+        (Self::Progress, Purpose::Watch, "", "Progress"),
+        (Self::Label, Purpose::Label, "/label", "Label"),
+        (Self::Sheet, Purpose::Label, "/sheet", "Sheet"),
+        (Self::Answers, Purpose::Label, "/answers", "Answers"),
+        (Self::Classes, Purpose::Label, "/classes", "Classes"),
+        (Self::Taxonomy, Purpose::Analyse, "/taxonomy", "Taxonomy"),
+        (Self::Map, Purpose::Analyse, "/map", "Map"),
+        (Self::Atlas, Purpose::Analyse, "/atlas", "Atlas"),
     ];
 
     fn is_of(self, record: &CampaignRecord) -> bool {
@@ -71,19 +95,26 @@ pub(super) fn campaign_page(
     content: Markup,
 ) -> Markup {
     let id = record.id.as_str();
-    let name = Part::ALL
-        .iter()
-        .find(|(known, ..)| *known == part)
-        .map_or("", |(_, _, name)| *name);
+    let known = Part::ALL.iter().find(|(known, ..)| *known == part);
+    let (purpose, name) = known.map_or((Purpose::Watch, ""), |(_, purpose, _, name)| (*purpose, *name));
     let title = format!("{name} · {id}");
     let links = html! {
         span.campaign { (id) }
         nav aria-label="Campaign" {
-            @for (other, path, name) in Part::ALL.into_iter().filter(|(part, ..)| part.is_of(record)) {
-                a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
+            @for (other, name) in Purpose::ALL {
+                @if let Some((_, path, _)) = other.parts(record).next() {
+                    a href={ "/campaigns/" (id) (path) } aria-current=[(other == purpose).then_some("true")] { (name) }
+                }
             }
         }
         (visitor.account())
+        @if purpose.parts(record).count() > 1 {
+            nav.parts aria-label="Pages" {
+                @for (other, path, name) in purpose.parts(record) {
+                    a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
+                }
+            }
+        }
     };
     let main = html! {
         main #content data-campaign=(id) data-created=(record.archive_version().origin())

@@ -3,7 +3,8 @@
 use super::{
     Web, archived,
     asked::Query,
-    found::{Line, STATES, Wanted},
+    delete,
+    found::{Line, ORDERS, STATES, Wanted},
     glossary::term,
     layout::layout_with,
     of_campaign::OfCampaign,
@@ -48,6 +49,11 @@ pub(super) async fn page(
                     select #state name="state" {
                         option value="" { "all" }
                         @for state in STATES { option selected[wanted.state == state] { (state) } }
+                    }
+                }
+                label { "Sort by "
+                    select #order name="order" {
+                        @for (order, name) in ORDERS { option value=(order.name()) selected[wanted.order == order] { (name) } }
                     }
                 }
                 @if !wanted.study.is_empty() { input type="hidden" name="study" value=(wanted.study); }
@@ -153,11 +159,7 @@ fn line(status: &CampaignStatus) -> Markup {
                 span.about { (when(record)) }
             }
             (progress(status))
-            @if record.state == CampaignState::Running {
-                span.delete {}
-            } @else {
-                a.delete href={ "/campaigns/" (id) "/delete" } aria-label={ "Delete " (id) } { "Delete" }
-            }
+            div { (delete::menu(record)) }
         }
     }
 }
@@ -178,7 +180,7 @@ pub(super) async fn behaviour(OfCampaign { web, record, .. }: OfCampaign) -> Res
     let campaign = record.id.clone();
     let first = web.store.run(move |store| store.first_medoid(&campaign)).await?;
     let first = first.ok_or(PageError::NoPage)?;
-    Ok(Redirect::temporary(&archived::picture(&record, first)))
+    Ok(Redirect::temporary(&archived::paths(&record, first)))
 }
 
 /// The time at which a campaign was created, and its duration.

@@ -195,6 +195,9 @@ fn figures(status: &CampaignStatus) -> Markup {
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
         @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } }
         div.actions {
+            @if status.record.state == CampaignState::Completed {
+                a.button.main href={ "/campaigns/" (id) "/taxonomy" } { "See the behaviours" }
+            }
             @for change in [Change::Pause, Change::Resume, Change::Cancel] {
                 @if offered(status, change) {
                     @let for_good = change == Change::Cancel;
@@ -204,7 +207,7 @@ fn figures(status: &CampaignStatus) -> Markup {
                     }
                 }
             }
-            (delete::button(&status.record))
+            (delete::menu(&status.record))
         }
         // The figures come last, because their list becomes shorter when the campaign ends.
         (facts(status))
@@ -307,7 +310,7 @@ fn facts(status: &CampaignStatus) -> Markup {
 fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
     let medoids = &named.taxonomy.medoids;
     html! {
-        h2 { (counted(medoids.len() as u64, "behaviour")) }
+        h2 { (counted(medoids.len() as u64, "cluster")) " of behaviours" }
         p.lead {
             "Each picture shows the last steps of a swarm that stands for a cluster. "
             a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name the behaviours" }

@@ -132,6 +132,16 @@ pub(super) fn confirm() -> Markup {
     }
 }
 
+/// A menu that unfolds under a button with three dots; `of` says what it is a menu of.
+pub(super) fn menu(of: &str, content: &Markup) -> Markup {
+    html! {
+        details.menu {
+            summary aria-label={ "More for " (of) } { "⋯" }
+            div { (content) }
+        }
+    }
+}
+
 pub(super) fn downloads(record: &CampaignRecord) -> Markup {
     html! {
         p.reason {

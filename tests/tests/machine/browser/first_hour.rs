@@ -13,6 +13,10 @@ use tempfile::TempDir;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
+/// The links to two of the three places of a campaign.
+const LABEL: &str = "nav[aria-label=Campaign] a[href$='/label']";
+const ANALYSE: &str = "nav[aria-label=Campaign] a[href$='/taxonomy']";
+
 /// Scrolls to the top, and waits until the page no longer scrolls. The browser takes a picture of the whole page from the page's
 /// top, and on a scrolled page everything would shift twice. The page may still scroll for some frames after typing.
 const TO_THE_TOP: &str = "(async () => { \
@@ -162,7 +166,7 @@ impl Researcher {
 
     async fn lasso(&self) {
         let window = &self.window;
-        self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
+        self.go_to(ANALYSE, "map").await;
         window
             .until("!document.querySelector('#projection [value=neighbours]').disabled && document.querySelector('.legend li')")
             .await;
@@ -240,6 +244,16 @@ impl Researcher {
             .await;
     }
 
+    /// Goes to a page of the campaign through the place that has the page.
+    async fn go_to(&self, place: &str, page: &str) {
+        self.window.click(place).await;
+        self.follow(
+            &format!("nav.parts a[href$='/{page}']"),
+            &format!("/campaigns/small-1/{page}"),
+        )
+        .await;
+    }
+
     async fn name(&self) {
         let window = &self.window;
         window
@@ -261,11 +275,7 @@ impl Researcher {
             ("answers", "document.querySelectorAll('.answer').length > 3"),
             ("classes", "document.querySelectorAll('.class-row').length >= 3"),
         ] {
-            self.follow(
-                &format!("nav a[href$='/{page}']"),
-                &format!("/campaigns/small-1/{page}"),
-            )
-            .await;
+            self.go_to(LABEL, page).await;
             window.until(ready).await;
             self.look(page).await;
         }
@@ -273,7 +283,7 @@ impl Researcher {
 
     async fn export(&self) {
         let window = &self.window;
-        self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
+        self.go_to(ANALYSE, "map").await;
         // The links appear together with the classes.
         window
             .until("document.querySelector('.palette').classList.contains('ready')")
@@ -300,7 +310,11 @@ impl Researcher {
     async fn start_another(&self) {
         let window = &self.window;
         self.follow("nav a", "/campaigns/small-1").await;
-        self.follow("a[href='/new?from=small-1']", "/new").await;
+        self.follow(
+            "[aria-labelledby=specification] a[href='/new?from=small-1']",
+            "/new",
+        )
+        .await;
         window.click("[name=seed]").await;
         window.press("7").await;
         self.follow("[value=start]", "/campaigns/small-2").await;

@@ -111,7 +111,8 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     // Before a person deletes a campaign, the page shows what will be deleted and asks for confirmation.
     window.driver.goto(scene.url("")).await.unwrap();
     let campaign = window.value("location.pathname").await;
-    window.click("#delete").await;
+    window.click(".actions .menu summary").await;
+    window.click(".actions a.delete").await;
     window.until("location.pathname.endsWith('/delete')").await;
     let asked = window.text("p.lead").await;
     assert!(
@@ -121,7 +122,8 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     assert_eq!(scene.cluster.campaigns().await.len(), 3);
     window.click("main p a").await;
     window.until(&format!("location.pathname === {campaign}")).await;
-    window.click("#delete").await;
+    window.click(".actions .menu summary").await;
+    window.click(".actions a.delete").await;
     window.until("location.pathname.endsWith('/delete')").await;
     window.click("#delete").await;
     window.until("location.pathname === '/'").await;

@@ -174,7 +174,8 @@ pub async fn a_controller_of_an_atlas_is_chosen_and_its_motion_plays() {
                 world = { horizon = 200, agents = 6 }\ntaxonomy.medoids = 4\n";
     let mut scene = Scene::of(&CampaignSpec::from_toml(spec).unwrap()).await;
     let window = driver.open(&scene.url("")).await;
-    window.click("nav a[href$='/atlas']").await;
+    window.click("nav a[href$='/taxonomy']").await;
+    window.click("nav.parts a[href$='/atlas']").await;
     window
         .until("document.querySelectorAll('#classes li').length > 1")
         .await;
