@@ -3,10 +3,10 @@
 //! The probes are `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. Probes change nothing, and reveal nothing of a
 //! campaign's contents.
 
-use crate::metrics::{CONTENT_TYPE, Metrics};
+use crate::metrics::{Format, Metrics};
 use axum::{
     extract::State,
-    http::{StatusCode, header},
+    http::{HeaderMap, StatusCode, header},
     response::{IntoResponse as _, Response},
 };
 use murmuration_access::{CostClass, GuardedRouter, Requirement, Seats};
@@ -82,13 +82,16 @@ fn not_ready(why: &str) -> Response {
     (StatusCode::SERVICE_UNAVAILABLE, format!("{why}\n")).into_response()
 }
 
-async fn metrics(State(probes): State<Probes>) -> Response {
-    match probes
+async fn metrics(State(probes): State<Probes>, headers: HeaderMap) -> Response {
+    let accept = headers
+        .get(header::ACCEPT)
+        .and_then(|accept| accept.to_str().ok());
+    let format = Format::accepted(accept);
+    let rendered = probes
         .metrics
-        .render(&probes.campaigns, &probes.store, &probes.seats)
-        .await
-    {
-        Ok(text) => ([(header::CONTENT_TYPE, CONTENT_TYPE)], text).into_response(),
+        .render(&probes.campaigns, &probes.store, &probes.seats, format);
+    match rendered.await {
+        Ok(text) => ([(header::CONTENT_TYPE, format.content_type())], text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }
 }

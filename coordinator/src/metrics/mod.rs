@@ -16,10 +16,73 @@ use prometheus_client::{
     metrics::info::Info,
     registry::Registry,
 };
-use std::sync::Arc;
+use std::{collections::HashMap, sync::Arc};
 
-/// Content type of [`Metrics::render`]'s text.
-pub const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// A text format of metrics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    OpenMetrics,
+    /// The older format of Prometheus, which `promtool check metrics` and many other tools read.
+    Classic,
+}
+
+impl Format {
+    const OPEN_METRICS: &str = "application/openmetrics-text";
+
+    /// The format for a client with this header `Accept`, if any: OpenMetrics only if the client names it.
+    #[must_use]
+    pub fn accepted(accept: Option<&str>) -> Self {
+        match accept.is_some_and(|accept| accept.contains(Self::OPEN_METRICS)) {
+            true => Self::OpenMetrics,
+            false => Self::Classic,
+        }
+    }
+
+    #[must_use]
+    pub const fn content_type(self) -> &'static str {
+        match self {
+            Self::OpenMetrics => "application/openmetrics-text; version=1.0.0; charset=utf-8",
+            Self::Classic => "text/plain; version=0.0.4; charset=utf-8",
+        }
+    }
+}
+
+/// Turns OpenMetrics into the older format: there, the name of a counter's or an info's family is that of its samples, infos are
+/// gauges, and units and the end have no lines.
+fn classic(text: &str) -> String {
+    let mut kinds = HashMap::new();
+    for line in text.lines() {
+        if let Some((name, kind)) = line.strip_prefix("# TYPE ").and_then(|rest| rest.split_once(' ')) {
+            kinds.insert(name, kind);
+        }
+    }
+    let mut lines = String::new();
+    for line in text.lines() {
+        let comment = line.strip_prefix("# ").map(|rest| {
+            let mut words = rest.splitn(3, ' ');
+            [(); 3].map(|()| words.next().unwrap_or_default())
+        });
+        match comment {
+            Some([word @ ("HELP" | "TYPE"), name, rest]) => {
+                let kind = kinds.get(name).copied().unwrap_or_default();
+                let (suffix, rest) = match (kind, word) {
+                    ("counter", _) => ("_total", rest),
+                    ("info", "TYPE") => ("_info", "gauge"),
+                    ("info", _) => ("_info", rest),
+                    (_, _) => ("", rest),
+                };
+                lines += &format!("# {word} {name}{suffix} {rest}\n");
+            }
+            // The unit of a family, and the end.
+            Some(_) => {}
+            None => {
+                lines += line;
+                lines.push('\n');
+            }
+        }
+    }
+    lines
+}
 
 /// Prefix of every metric's name.
 const PREFIX: &str = "murmuration";
@@ -64,7 +127,7 @@ impl Metrics {
         self.campaigns.clone()
     }
 
-    /// All metrics as text in the OpenMetrics format, which Prometheus reads.
+    /// All metrics as text.
     ///
     /// # Errors
     /// If the store cannot be read.
@@ -73,6 +136,7 @@ impl Metrics {
         campaigns: &Campaigns,
         store: &Store,
         seats: &Seats,
+        format: Format,
     ) -> Result<String, CampaignError> {
         let observed = observed::observe(campaigns, store, seats).await?;
         let mut text = String::new();
@@ -80,12 +144,41 @@ impl Metrics {
             .and_then(|()| encode_registry(&mut text, &observed))
             .and_then(|()| encode_eof(&mut text));
         encoded.map_err(|_| CampaignError::Broken)?;
-        Ok(text)
+        Ok(match format {
+            Format::OpenMetrics => text,
+            Format::Classic => classic(&text),
+        })
     }
 }
 
 impl Default for Metrics {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_client_that_names_openmetrics_gets_it() {
+        let prometheus =
+            "application/openmetrics-text;version=1.0.0;q=0.5,text/plain;version=0.0.4;q=0.3,*/*;q=0.2";
+        assert_eq!(Format::accepted(Some(prometheus)), Format::OpenMetrics);
+        for accept in [None, Some("*/*"), Some("text/plain")] {
+            assert_eq!(Format::accepted(accept), Format::Classic);
+        }
+    }
+
+    #[test]
+    fn families_of_the_older_format_have_the_names_of_their_samples() {
+        let text = "# HELP a_build Versions.\n# TYPE a_build info\na_build_info{version=\"1 # 2\"} 1\n\
+                    # HELP a_seconds Time # spent.\n# TYPE a_seconds counter\n# UNIT a_seconds seconds\na_seconds_total 3\n\
+                    # HELP a_workers Workers.\n# TYPE a_workers gauge\na_workers 2\n# EOF\n";
+        let expected = "# HELP a_build_info Versions.\n# TYPE a_build_info gauge\na_build_info{version=\"1 # 2\"} 1\n\
+                        # HELP a_seconds_total Time # spent.\n# TYPE a_seconds_total counter\na_seconds_total 3\n\
+                        # HELP a_workers Workers.\n# TYPE a_workers gauge\na_workers 2\n";
+        assert_eq!(classic(text), expected);
     }
 }

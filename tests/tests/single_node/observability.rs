@@ -31,9 +31,20 @@ async fn text(url: &str, path: &str) -> (u16, String) {
 
 /// The metrics by name and labels, as written on the page.
 async fn metrics(url: &str) -> BTreeMap<String, f64> {
-    let (status, text) = text(url, "/metrics").await;
-    assert_eq!(status, 200, "{text}");
+    let client = murmuration_tests::http::client().build().unwrap();
+    let request = client.get(format!("{url}/metrics"));
+    let request = request.header("accept", "application/openmetrics-text; version=1.0.0");
+    let answer = request.send().await.unwrap();
+    assert_eq!(answer.status(), 200);
+    let text = answer.text().await.unwrap();
     assert!(text.ends_with("# EOF\n"), "{text}");
+    // Other clients get the older format.
+    let (status, classic) = self::text(url, "/metrics").await;
+    assert_eq!(status, 200, "{classic}");
+    assert!(
+        classic.contains("# TYPE murmuration_disagreements_total counter\n") && !classic.contains("# EOF"),
+        "{classic}"
+    );
     let samples = text.lines().filter(|line| !line.starts_with('#'));
     let sample = |line: &str| {
         let (name, value) = line.rsplit_once(' ').unwrap();
@@ -110,12 +121,8 @@ async fn every_name_is_explained() {
     let explained = include_str!("../../../docs/operations.md");
     let types = text.lines().filter_map(|line| line.strip_prefix("# TYPE "));
     let mut names = 0;
-    for (name, kind) in types.map(|line| line.split_once(' ').unwrap()) {
-        let name = match kind {
-            "counter" => format!("`{name}_total`"),
-            "info" => format!("`{name}_info`"),
-            _ => format!("`{name}`"),
-        };
+    for (name, _) in types.map(|line| line.split_once(' ').unwrap()) {
+        let name = format!("`{name}`");
         assert!(explained.contains(&name), "{name} is not in docs/operations.md");
         names += 1;
     }
