@@ -1,7 +1,7 @@
 //! A map of points in the colours of their classes, with a legend, as SVG and as PNG; suitable for a paper.
 
 use crate::{
-    figure::{Anchor, Figure, GRID, INK, MUTED, Shape, Words},
+    figure::{Anchor, Figure, GRID, INK, MUTED, Shape, Unit, Words},
     picture::PictureError,
     point_map::places,
 };
@@ -86,6 +86,7 @@ fn figure(points: &[ClassPoint], title: &str) -> Figure {
     }
     Figure {
         size: [SIDE + LEGEND, SIDE + TOP],
+        unit: Unit::Pixel,
         title: title.to_owned(),
         paper: [0xff; 3],
         shapes,

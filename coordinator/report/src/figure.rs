@@ -1,29 +1,22 @@
-//! Drawings for papers, as SVG and as PNG. The PNG uses an embedded font instead of the system's fonts, so that the same drawing
-//! gives the same bytes on every machine.
+//! Drawings for papers, as SVG, as PDF and as PNG. The PDF and the PNG use an embedded font instead of the system's fonts, so that
+//! the same drawing gives the same bytes on every machine.
+
+mod pdf;
+mod words;
 
 use crate::{
-    picture::{PictureError, encoded},
+    picture::{PictureError, encoded, encoded_at},
     svg::{Drawing, tenth},
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, html};
 use murmuration_model::colours::{self, Rgb};
-use skrifa::{
-    FontRef, GlyphId, MetadataProvider as _,
-    instance::{LocationRef, Size},
-    outline::{DrawSettings, OutlinePen},
-};
+use std::fmt::Write as _;
 use tiny_skia::{
-    Color, FillRule, FilterQuality, Paint, PathBuilder, Pixmap, PixmapPaint, PremultipliedColorU8, Rect,
-    Stroke, Transform,
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, PathBuilder, Pixmap, PixmapPaint,
+    PremultipliedColorU8, Rect, Stroke, Transform,
 };
-
-/// The regular and the bold font of the PNG. Their letters are as wide as those of Arial, and drawings leave room for letters of
-/// this width. `fonts/OFL.txt` has their licence.
-const FONTS: [&[u8]; 2] = [
-    include_bytes!("../fonts/Arimo-Regular.ttf"),
-    include_bytes!("../fonts/Arimo-Bold.ttf"),
-];
+pub(crate) use words::{Anchor, Words, width_of};
 
 /// The colours of the module `svg`, as red, green and blue.
 pub(crate) const INK: Rgb = [0x1d, 0x1d, 0x1b];
@@ -33,11 +26,34 @@ pub(crate) const GRID: Rgb = [0xe4, 0xe1, 0xd8];
 /// A drawing. A PNG has several pixels per unit.
 pub(crate) struct Figure {
     pub(crate) size: [f64; 2],
+    pub(crate) unit: Unit,
     pub(crate) title: String,
     pub(crate) paper: Rgb,
     /// The shapes from bottom to top.
     pub(crate) shapes: Vec<Shape>,
 }
+
+/// The unit of a drawing's coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Unit {
+    /// A pixel of a screen. The SVG has real text, in a font of the reader's system.
+    Pixel,
+    /// 1/72 inch on paper. The SVG has its size in millimetres, the outlines of its text, and no background.
+    Point,
+}
+
+impl Unit {
+    /// Rounds a coordinate: nobody can see the difference, and the rounding keeps files small.
+    fn short(self, coordinate: f64) -> f64 {
+        match self {
+            Self::Pixel => tenth(coordinate),
+            Self::Point => (100.0 * coordinate).round() / 100.0,
+        }
+    }
+}
+
+/// Millimetres per point.
+pub(crate) const MM_PER_POINT: f64 = 25.4 / 72.0;
 
 pub(crate) enum Shape {
     Words(Words),
@@ -53,6 +69,19 @@ pub(crate) enum Shape {
         diameter: f64,
         colour: Rgb,
     },
+    /// Lines through points, with round ends.
+    Lines {
+        lines: Vec<Vec<[f64; 2]>>,
+        width: f64,
+        colour: Rgb,
+    },
+    /// A filled rectangle.
+    Block {
+        /// Position of the left edge and of the upper edge.
+        at: [f64; 2],
+        size: [f64; 2],
+        colour: Rgb,
+    },
     /// A square picture whose pixels stay sharp at any size.
     Picture {
         /// Position of the left edge and of the upper edge.
@@ -63,32 +92,22 @@ pub(crate) enum Shape {
     },
 }
 
-pub(crate) struct Words {
-    pub(crate) text: String,
-    /// The point on the baseline that `anchor` selects.
-    pub(crate) at: [f64; 2],
-    pub(crate) anchor: Anchor,
-    pub(crate) size: f64,
-    pub(crate) colour: Rgb,
-    pub(crate) bold: bool,
-    /// Whether the text runs upwards.
-    pub(crate) upwards: bool,
-}
-
-#[derive(Clone, Copy)]
-pub(crate) enum Anchor {
-    Start,
-    Middle,
-    End,
-}
-
 impl Figure {
     pub(crate) fn svg(&self) -> Result<String, PictureError> {
         let shapes = self
             .shapes
             .iter()
-            .map(Shape::svg)
+            .map(|shape| shape.svg(self.unit))
             .collect::<Result<Vec<_>, _>>()?;
+        let shapes = html! { @for shape in shapes { (shape) } };
+        Ok(match self.unit {
+            Unit::Pixel => self.on_screen(&shapes),
+            Unit::Point => self.on_paper(&shapes),
+        }
+        .into_string())
+    }
+
+    fn on_screen(&self, shapes: &Markup) -> Markup {
         let drawing = Drawing {
             size: self.size,
             font_size: 16,
@@ -97,9 +116,21 @@ impl Figure {
             paper: &colours::hex(self.paper),
             shrinks: true,
         };
-        Ok(drawing
-            .with(&html! { @for shape in shapes { (shape) } })
-            .into_string())
+        drawing.with(shapes)
+    }
+
+    fn on_paper(&self, shapes: &Markup) -> Markup {
+        let [width, height] = self.size.map(|side| Unit::Point.short(side));
+        let [across, down] = self
+            .size
+            .map(|side| format!("{}mm", Unit::Point.short(side * MM_PER_POINT)));
+        html! {
+            svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(across) height=(down)
+                stroke-linecap="round" stroke-linejoin="round" {
+                title { (self.title) }
+                (shapes)
+            }
+        }
     }
 
     /// Draws the figure with `scale` pixels per unit.
@@ -114,14 +145,23 @@ impl Figure {
         // The PNG has no opacity, because every drawing has a background.
         let opaque = sheet.data().chunks_exact(4).flat_map(|pixel| &pixel[..3]);
         let opaque: Vec<u8> = opaque.copied().collect();
-        encoded(&opaque, [width as usize, height as usize], png::ColorType::Rgb)
+        let per_metre = match self.unit {
+            Unit::Pixel => None,
+            Unit::Point => Some((1000.0 / MM_PER_POINT * f64::from(scale)).round() as u32),
+        };
+        encoded_at(
+            &opaque,
+            [width as usize, height as usize],
+            png::ColorType::Rgb,
+            per_metre,
+        )
     }
 }
 
 impl Shape {
-    fn svg(&self) -> Result<Markup, PictureError> {
+    fn svg(&self, unit: Unit) -> Result<Markup, PictureError> {
         Ok(match self {
-            Self::Words(words) => words.svg(),
+            Self::Words(words) => words.svg(unit),
             Self::Frame {
                 at: [x, y],
                 side,
@@ -134,11 +174,23 @@ impl Shape {
                 diameter,
                 colour,
             } => {
-                let dot = |[x, y]: &[f64; 2]| format!("M{} {}h0", tenth(*x), tenth(*y));
+                let dot = |[x, y]: &[f64; 2]| format!("M{} {}h0", unit.short(*x), unit.short(*y));
                 let dots: String = centres.iter().map(dot).collect();
                 html! {
                     path d=(dots) stroke=(colours::hex(*colour)) stroke-width=(diameter) stroke-linecap="round" fill="none" {}
                 }
+            }
+            Self::Lines { lines, width, colour } => {
+                let data: String = lines.iter().map(|line| line_data(line, unit)).collect();
+                html! { path d=(data) stroke=(colours::hex(*colour)) stroke-width=(unit.short(*width)) fill="none" {} }
+            }
+            Self::Block {
+                at: [x, y],
+                size: [width, height],
+                colour,
+            } => {
+                let [x, y, width, height] = [x, y, width, height].map(|length| unit.short(*length));
+                html! { rect x=(x) y=(y) width=(width) height=(height) fill=(colours::hex(*colour)) {} }
             }
             Self::Picture {
                 at: [x, y],
@@ -160,7 +212,11 @@ impl Shape {
 
     fn draw(&self, sheet: &mut Pixmap, transform: Transform) {
         match self {
-            Self::Words(words) => words.draw(sheet, transform),
+            Self::Words(words) => {
+                if let Some((path, placed)) = words.outlines() {
+                    fill(sheet, &path, words.colour, transform.pre_concat(placed));
+                }
+            }
             Self::Frame {
                 at: [x, y],
                 side,
@@ -180,7 +236,29 @@ impl Shape {
                 for [x, y] in centres {
                     path.push_circle(*x as f32, *y as f32, *diameter as f32 / 2.0);
                 }
-                fill(sheet, path, *colour, transform);
+                if let Some(path) = path.finish() {
+                    fill(sheet, &path, *colour, transform);
+                }
+            }
+            Self::Lines { lines, width, colour } => {
+                if let Some(path) = path_through(lines) {
+                    let pen = Stroke {
+                        width: *width as f32,
+                        line_cap: LineCap::Round,
+                        line_join: LineJoin::Round,
+                        ..Stroke::default()
+                    };
+                    sheet.stroke_path(&path, &paint(*colour), &pen, transform, None);
+                }
+            }
+            Self::Block {
+                at: [x, y],
+                size: [width, height],
+                colour,
+            } => {
+                if let Some(block) = Rect::from_xywh(*x as f32, *y as f32, *width as f32, *height as f32) {
+                    sheet.fill_rect(block, &paint(*colour), transform, None);
+                }
             }
             Self::Picture {
                 at: [x, y],
@@ -208,92 +286,35 @@ impl Shape {
     }
 }
 
-impl Words {
-    fn svg(&self) -> Markup {
-        let [x, y] = self.at;
-        let anchor = match self.anchor {
-            Anchor::Start => None,
-            Anchor::Middle => Some("middle"),
-            Anchor::End => Some("end"),
-        };
-        let weight = self.bold.then_some("bold");
-        let turned = self.upwards.then(|| format!("rotate(-90 {x} {y})"));
-        html! {
-            text x=(x) y=(y) font-size=(self.size) fill=(colours::hex(self.colour)) font-weight=[weight] text-anchor=[anchor]
-                transform=[turned] { (self.text) }
-        }
+/// A line as the data of an SVG path. Each point is relative to the point before it, because differences are shorter to write.
+fn line_data(line: &[[f64; 2]], unit: Unit) -> String {
+    let mut data = String::new();
+    let mut before = [0.0; 2];
+    for (place, point) in line.iter().enumerate() {
+        let point = point.map(|coordinate| unit.short(coordinate));
+        let [x, y] = [0, 1].map(|axis| unit.short(point[axis] - before[axis]) + 0.0);
+        // Writing to a string cannot fail.
+        let _ = write!(data, "{}{x} {y}", if place == 0 { 'M' } else { 'l' });
+        before = point;
     }
+    data
+}
 
-    fn draw(&self, sheet: &mut Pixmap, transform: Transform) {
-        let Ok(font) = FontRef::new(FONTS[usize::from(self.bold)]) else {
-            return;
-        };
-        let (size, location) = (Size::new(self.size as f32), LocationRef::default());
-        let (letters, widths) = (font.charmap(), font.glyph_metrics(size, location));
-        let glyphs: Vec<GlyphId> = self
-            .text
-            .chars()
-            .filter_map(|letter| letters.map(letter))
-            .collect();
-        let width = |glyph: &GlyphId| widths.advance_width(*glyph).unwrap_or(0.0);
-        let all: f32 = glyphs.iter().map(width).sum();
-        let mut pen = Pen {
-            path: PathBuilder::new(),
-            along: match self.anchor {
-                Anchor::Start => 0.0,
-                Anchor::Middle => -all / 2.0,
-                Anchor::End => -all,
-            },
-        };
-        for glyph in &glyphs {
-            if let Some(outline) = font.outline_glyphs().get(*glyph) {
-                // An error would omit the letter, but no letter of the embedded font gives an error.
-                let _ = outline.draw(DrawSettings::unhinted(size, location), &mut pen);
+fn path_through(lines: &[Vec<[f64; 2]>]) -> Option<tiny_skia::Path> {
+    let mut path = PathBuilder::new();
+    for line in lines {
+        for (place, [x, y]) in line.iter().enumerate() {
+            match place {
+                0 => path.move_to(*x as f32, *y as f32),
+                _ => path.line_to(*x as f32, *y as f32),
             }
-            pen.along += width(glyph);
         }
-        let transform = transform
-            .pre_translate(self.at[0] as f32, self.at[1] as f32)
-            .pre_rotate(if self.upwards { -90.0 } else { 0.0 });
-        fill(sheet, pen.path, self.colour, transform);
     }
+    path.finish()
 }
 
-/// Draws the outlines of letters, with y downwards.
-struct Pen {
-    path: PathBuilder,
-    /// Position along the line at which the letter begins.
-    along: f32,
-}
-
-impl OutlinePen for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        self.path.move_to(self.along + x, -y);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        self.path.line_to(self.along + x, -y);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        self.path.quad_to(self.along + x1, -y1, self.along + x, -y);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let along = self.along;
-        self.path
-            .cubic_to(along + x1, -y1, along + x2, -y2, along + x, -y);
-    }
-
-    fn close(&mut self) {
-        self.path.close();
-    }
-}
-
-fn fill(sheet: &mut Pixmap, path: PathBuilder, colour: Rgb, transform: Transform) {
-    if let Some(path) = path.finish() {
-        sheet.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
-    }
+fn fill(sheet: &mut Pixmap, path: &tiny_skia::Path, colour: Rgb, transform: Transform) {
+    sheet.fill_path(path, &paint(colour), FillRule::Winding, transform, None);
 }
 
 fn paint([red, green, blue]: Rgb) -> Paint<'static> {
@@ -318,6 +339,7 @@ mod tests {
     fn drawn(shape: Shape, scale: f32) -> (u32, u32, Vec<u8>) {
         let figure = Figure {
             size: [60.0, 20.0],
+            unit: Unit::Pixel,
             title: "a drawing".to_owned(),
             paper: [0xff; 3],
             shapes: vec![shape],

@@ -242,6 +242,17 @@ impl Report {
         (0..self.medoids.len()).map(shown).collect()
     }
 
+    /// Places of the behaviours that the report shows first, and of those that it folds beneath them.
+    pub(crate) fn folding(&self) -> (Vec<usize>, Vec<usize>) {
+        let shown = self.shown();
+        let (distinct, others) = distinct(&shown);
+        // The judge ignores species, so its names cannot show which behaviours of several species are of one kind.
+        match distinct.is_empty() || self.spec.model().species().len() > 1 {
+            true => ((0..shown.len()).collect(), Vec::new()),
+            false => (distinct, others),
+        }
+    }
+
     /// See [`Purity::of_cluster`].
     pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
         let medoid = self.medoids.get(place)?.index;

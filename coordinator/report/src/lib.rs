@@ -15,6 +15,7 @@ mod judged;
 mod names;
 mod numbers;
 mod page;
+pub mod paper;
 pub mod picture;
 mod pictured;
 mod plots;

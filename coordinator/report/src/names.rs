@@ -1,6 +1,9 @@
 //! The names of the behaviours of a report, and who gave them.
 
-use super::Report;
+use super::{
+    Report,
+    card::{CardName, Namer},
+};
 use murmuration_model::labels::{Class, ClassName, Colour, GivenClass};
 use std::collections::BTreeMap;
 
@@ -71,6 +74,20 @@ impl Report {
             carried: None,
             by_machine: self.names.is_by_machine(medoid.index),
         })
+    }
+
+    /// The name of a behaviour, or else the judge's verdict on it.
+    pub(super) fn card_name(&self, place: usize) -> Option<CardName> {
+        let given = self.name_of(place).map(|name| CardName {
+            name: name.class.shown(),
+            by: match (name.carried, name.by_machine) {
+                (Some(_), _) => Namer::Earlier,
+                (None, true) => Namer::Judge,
+                (None, false) => Namer::Annotator,
+            },
+        });
+        let verdict = self.judged.medoids.get(place);
+        given.or_else(|| verdict.copied().map(CardName::of_verdict))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The poster of an atlas: the picture with axes and a legend.
 
 use super::{Atlas, Layout, Tally};
-use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Words};
+use crate::figure::{Anchor, Figure, INK, MUTED, Shape, Unit, Words};
 use murmuration_model::colours::{self, Rgb};
 use murmuration_swarm::{Class, grouped};
 
@@ -43,6 +43,7 @@ pub(super) fn poster(atlas: &Atlas, layout: &Layout, tallies: &[Tally], pixels: 
     shapes.extend(legend(atlas, layout, tallies));
     Figure {
         size: [LEFT + SIDE + LEGEND, TOP + SIDE + BOTTOM],
+        unit: Unit::Pixel,
         title,
         paper: colours::PAPER,
         shapes,

@@ -3,9 +3,9 @@
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
     Files, MedoidEntry, MedoidPictures, Report, Spread, again,
-    card::{CardName, Namer, Sight, genes, heading, measures, sight},
+    card::{Sight, genes, heading, measures, sight},
     contact_sheet,
-    judged::{distinct, folded},
+    judged::folded,
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
@@ -56,19 +56,12 @@ pub(super) fn behaviours(
                 }
                 @if files == Files::Beside { " The folder medoids has each as PNG and SVG." }
             }
-            @let shown = report.shown();
-            @let (distinct, others) = distinct(&shown);
-            // The judge ignores species, so its names cannot show which behaviours of several species are of one kind.
-            @if distinct.is_empty() || report.spec.model().species().len() > 1 {
-                @let all: Vec<usize> = (0..shown.len()).collect();
-                (cards(report, pictures, &all))
-            } @else {
-                (cards(report, pictures, &distinct))
-                @if !others.is_empty() {
-                    details.others-shown {
-                        summary { (folded(&shown, &others)) }
-                        (cards(report, pictures, &others))
-                    }
+            @let (first, others) = report.folding();
+            (cards(report, pictures, &first))
+            @if !others.is_empty() {
+                details.others-shown {
+                    summary { (folded(&report.shown(), &others)) }
+                    (cards(report, pictures, &others))
                 }
             }
             @if !further.is_empty() { (further_behaviours(report, further)) }
@@ -242,7 +235,7 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
     let starts = report.spec.starts().get();
     let robust = report.individuals[medoid.index as usize].robustness;
     let robust = robust.map(|robustness| ((robustness * starts as f64).round() as usize, starts));
-    let name = name(report, number - 1);
+    let name = report.card_name(number - 1);
     let class = report.name_of(number - 1);
     let colour = class.and_then(|class| class.colour.map(|colour| colour.to_string()));
     html! {
@@ -260,20 +253,6 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
             }
         }
     }
-}
-
-/// The name of a behaviour, or else the judge's verdict on it.
-fn name(report: &Report, place: usize) -> Option<CardName> {
-    let given = report.name_of(place).map(|name| CardName {
-        name: name.class.shown(),
-        by: match (name.carried, name.by_machine) {
-            (Some(_), _) => Namer::Earlier,
-            (None, true) => Namer::Judge,
-            (None, false) => Namer::Annotator,
-        },
-    });
-    let verdict = report.judged.medoids.get(place);
-    given.or_else(|| verdict.copied().map(CardName::of_verdict))
 }
 
 fn verdict_in_words(verdict: Verdict) -> String {

@@ -58,12 +58,27 @@ pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Resul
 /// Encodes pixels, row by row, as a PNG of this width and height.
 pub(crate) fn encoded(
     pixels: &[u8],
+    size: [usize; 2],
+    colours: png::ColorType,
+) -> Result<Vec<u8>, PictureError> {
+    encoded_at(pixels, size, colours, None)
+}
+
+/// Encodes pixels as [`encoded`] does, with the number of pixels per metre on paper, if it is known.
+pub(crate) fn encoded_at(
+    pixels: &[u8],
     [width, height]: [usize; 2],
     colours: png::ColorType,
+    per_metre: Option<u32>,
 ) -> Result<Vec<u8>, PictureError> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(colours);
+    encoder.set_pixel_dims(per_metre.map(|per_metre| png::PixelDimensions {
+        xppu: per_metre,
+        yppu: per_metre,
+        unit: png::Unit::Meter,
+    }));
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;
     writer.finish()?;

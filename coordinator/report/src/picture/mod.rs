@@ -14,12 +14,13 @@ mod vector;
 
 pub(crate) use animation::thinned;
 pub use animation::{Animation, Film, animation_film, animation_gif};
-pub(crate) use image::encoded;
+pub(crate) use image::{encoded, encoded_at};
 pub use image::{image_png, image_row_png, rgb};
 pub use robot::{robot_svg, sensor_in_words, sensor_reach};
 pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 pub use vector::trajectory_svg;
+pub(crate) use vector::{Line, Mark, marks, path_width, tip};
 
 use murmuration_swarm::PictureShape;
 
