@@ -7,7 +7,7 @@ use murmuration_export::ExportError;
 use murmuration_files::FolderError;
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, csv_file::CsvError, labels::LabelFileError};
-use murmuration_report::{ReportError, picture::PictureError};
+use murmuration_report::{ReportError, paper::FigureError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
 use murmuration_store::{
     LockHolder, StoreError,
@@ -162,6 +162,16 @@ impl From<ReportError> for CliError {
         match error {
             ReportError::Folder(error) => error.into(),
             error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<FigureError> for CliError {
+    fn from(error: FigureError) -> Self {
+        match error {
+            FigureError::Options(invalid) => invalid.into(),
+            FigureError::Report(error) => error.into(),
+            FigureError::Picture(error) => error.into(),
         }
     }
 }

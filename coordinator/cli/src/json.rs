@@ -10,7 +10,7 @@ mod labels;
 mod machines;
 mod robots;
 
-pub(crate) use campaign::{Deletion, Digest, Report, Run, Taxonomy};
+pub(crate) use campaign::{Deletion, Digest, Figure, FigureBehaviour, Report, Run, Taxonomy};
 pub(crate) use data::{Backup, Doctor, Export};
 pub(crate) use document::Document;
 pub use kinds::{KINDS, Kind};

@@ -12,6 +12,7 @@ mod delete;
 mod error;
 mod evaluate;
 mod export;
+mod figure;
 pub mod files;
 mod film;
 mod filter;
@@ -197,6 +198,8 @@ pub enum CampaignCommand {
     Show(campaigns::Show),
     /// Write the report of a completed campaign
     Report(report::ReportCommand),
+    /// Draw behaviours of a completed campaign in one figure, for a paper
+    Figure(figure::FigureCommand),
     /// Pause a campaign; `resume` continues it
     Pause(campaigns::Name),
     /// End a campaign permanently, and keep its archive
@@ -222,6 +225,7 @@ impl CampaignCommand {
             Self::List(list) => Box::pin(list.execute(global)),
             Self::Show(show) => Box::pin(show.execute(global)),
             Self::Report(report) => Box::pin(report.execute(global)),
+            Self::Figure(figure) => Box::pin(figure.execute(global)),
             Self::Pause(name) => Box::pin(async move { campaigns::pause(global, &name.campaign).await }),
             Self::Cancel(name) => Box::pin(async move { campaigns::cancel(global, &name.campaign).await }),
             Self::Delete(delete) => Box::pin(delete.execute(global)),

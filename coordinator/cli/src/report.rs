@@ -53,13 +53,7 @@ impl ReportCommand {
 
     async fn write(&self, connection: &mut Connection, global: &Global) -> Result<PathBuf, CliError> {
         let campaign = get_campaign(&mut connection.client, &self.campaign).await?;
-        let is_done = campaign.state() == v1::CampaignState::Completed;
-        if is_done && campaign.workers == 0 && !connection.is_own() {
-            errln!(
-                "waiting: the report needs a worker to simulate its behaviours, and the coordinator has none: start one with \
-                 `murmuration-worker --access FILE`"
-            );
-        }
+        tell_of_missing_worker(&campaign, connection);
         let id = validation::id(&campaign)?;
         match &self.out {
             Some(folder) => write_report(connection, &id, folder, replaces(self.force)).await,
@@ -68,6 +62,17 @@ impl ReportCommand {
                 write_report(connection, &id, &folder, Replaces::All).await
             }
         }
+    }
+}
+
+/// Tells why a report or a figure is not written yet, if the coordinator has no worker.
+pub(super) fn tell_of_missing_worker(campaign: &v1::Campaign, connection: &Connection) {
+    let is_done = campaign.state() == v1::CampaignState::Completed;
+    if is_done && campaign.workers == 0 && !connection.is_own() {
+        errln!(
+            "waiting: a worker must simulate the behaviours, and the coordinator has none: start one with `murmuration-worker \
+             --access FILE`"
+        );
     }
 }
 

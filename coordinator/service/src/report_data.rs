@@ -194,7 +194,7 @@ pub async fn report<C: Transport>(
         let behaviours = behaviours(&individuals, &of)?;
         let spreads = spreads(&behaviours, &clustering.medoids, &clustering.clusters);
         let mut further = Vec::new();
-        // A contact sheet shows only medoids.
+        // A figure shows only medoids.
         if pictures == PicturesOf::Individuals {
             further = beyond_medoids(&behaviours, &clustering, &of, interrupt)?;
             further.truncate(FURTHER);
@@ -232,27 +232,25 @@ pub async fn report<C: Transport>(
             replay: replay(client, campaign, index, stride).await?,
         });
     }
-    let (judged_spec, shown) = (
-        spec.clone(),
-        centres.iter().map(|&index| index as u64).collect::<Vec<_>>(),
-    );
-    // A contact sheet contains no verdicts.
-    let (judged, individuals) = match pictures {
-        PicturesOf::Medoids => (Ok(Judged::default()), individuals),
-        PicturesOf::Individuals => {
-            let judge = move || {
-                let candidate = |index: u64| {
-                    let entry = individuals.get(index as usize);
-                    entry.map(|entry| entry.candidate(index))
-                };
-                let medoids: Vec<_> = shown.into_iter().filter_map(candidate).collect();
-                let sample = Judged::sample(&judged_spec, individuals.len()).into_iter();
-                let sample: Vec<_> = sample.filter_map(candidate).collect();
-                (Judged::of(&judged_spec, &medoids, &sample), individuals)
-            };
-            in_background(move |_| parallel(judge)).await?
-        }
+    let judged_spec = spec.clone();
+    let judge = move || {
+        let candidate = |index: u64| {
+            let entry = individuals.get(index as usize);
+            entry.map(|entry| entry.candidate(index))
+        };
+        let medoids: Vec<_> = centres
+            .iter()
+            .filter_map(|&index| candidate(index as u64))
+            .collect();
+        // A figure shows only medoids.
+        let sample = match pictures {
+            PicturesOf::Individuals => Judged::sample(&judged_spec, individuals.len()),
+            PicturesOf::Medoids => Vec::new(),
+        };
+        let sample: Vec<_> = sample.into_iter().filter_map(candidate).collect();
+        (Judged::of(&judged_spec, &medoids, &sample), individuals)
     };
+    let (judged, individuals) = in_background(move |_| parallel(judge)).await?;
     Ok(Report {
         judged: judged?,
         campaign: id(),

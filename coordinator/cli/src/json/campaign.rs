@@ -55,3 +55,29 @@ pub(crate) struct Report {
     /// Path of the report's page.
     pub(crate) report: String,
 }
+
+/// A figure that was drawn.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Figure {
+    /// Path of the figure.
+    pub(crate) figure: String,
+    /// Width of the figure on paper.
+    pub(crate) width_mm: f64,
+    /// Height of the figure on paper.
+    pub(crate) height_mm: f64,
+    /// The behaviours in the order of the figure: row by row, from the left.
+    pub(crate) behaviours: Vec<FigureBehaviour>,
+}
+
+/// A behaviour of a figure.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct FigureBehaviour {
+    /// Number of the behaviour in the report.
+    pub(crate) behaviour: usize,
+    /// Label of the behaviour in the figure.
+    pub(crate) label: Option<String>,
+    /// Name of the behaviour, with a question mark unless a person gave the name.
+    pub(crate) name: Option<String>,
+    /// Share of its cluster in the archive, from 0 to 1.
+    pub(crate) share: f64,
+}

@@ -2,8 +2,8 @@
 
 use super::{
     AddedLabels, Agreement, Backup, Certificates, Deletion, Digest, Doctor, Document, Evaluated, Export,
-    ExportedController, FilterScore, LiftedQuarantine, Link, Quarantine, Recognised, Report, Robots, Run,
-    Simulated, Taxonomy, Token, schema_of,
+    ExportedController, Figure, FilterScore, LiftedQuarantine, Link, Quarantine, Recognised, Report, Robots,
+    Run, Simulated, Taxonomy, Token, schema_of,
 };
 use murmuration_proto::v1;
 use schemars::{JsonSchema, Schema};
@@ -29,7 +29,7 @@ impl Kind {
 }
 
 /// The kinds of documents that the client's commands print.
-pub const KINDS: [Kind; 28] = [
+pub const KINDS: [Kind; 29] = [
     Kind::of::<Document<'_, v1::Campaign>>(
         "campaign",
         "A campaign and its progress: list, show, watch, submit, pause, cancel, import",
@@ -41,6 +41,7 @@ pub const KINDS: [Kind; 28] = [
     Kind::of::<Run>("run", "The end of a campaign: run, resume, adopt, refine, extend"),
     Kind::of::<Digest<'_>>("digest", "The digest of an archive: digest"),
     Kind::of::<Report>("report", "Where a report was written: report"),
+    Kind::of::<Figure>("figure", "A figure for a paper: figure"),
     Kind::of::<Export>("export", "What was exported: export"),
     Kind::of::<Document<'_, v1::Checkpoint>>("checkpoint", "A checkpoint: checkpoints list, show, import"),
     Kind::of::<AddedLabels>("added-labels", "What was added: label"),

@@ -10,6 +10,47 @@ use std::{
 };
 
 #[test]
+fn a_figure_has_the_format_of_its_ending_and_replaces_nothing() {
+    let desk = Desk::new();
+    let run = desk.murmuration.run(&["run", &desk.path("small.toml")]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let draw = |options: &[&str]| desk.murmuration.run(&[&["figure", "latest"], options].concat());
+    for (name, begins) in [
+        ("a.pdf", "%PDF-1."),
+        ("a.svg", "<svg "),
+        ("new/a.png", "\u{fffd}PNG"),
+    ] {
+        let out = desk.path(name);
+        let drawn = draw(&["--behaviours", "3,1", "--labels", "letters", "--out", &out]);
+        assert_eq!(drawn.code, Some(0), "{}", drawn.stderr);
+        assert_eq!(drawn.stdout.trim(), out);
+        assert!(drawn.stderr.contains("a: behaviour 3"), "{}", drawn.stderr);
+        let file = String::from_utf8_lossy(&fs::read(&out).unwrap()).into_owned();
+        assert!(file.starts_with(begins), "{name}");
+    }
+    let out = desk.path("a.svg");
+    for (options, message) in [
+        (&["--out", &out][..], "exists already"),
+        (&["--out", "a.eps"], "name a file that ends in .pdf, .svg or .png"),
+        (
+            &["--behaviours", "5", "--out", "b.svg"],
+            "must be numbers from 1 to 4",
+        ),
+        (&["--width", "900mm", "--out", "b.svg"], "from 20mm to 500mm"),
+    ] {
+        let refused = draw(options);
+        assert_eq!(refused.code, Some(2), "{options:?}: {}", refused.stderr);
+        assert!(refused.stderr.contains(message), "{}", refused.stderr);
+    }
+    let whole = draw(&["--width", "page", "--shares", "--force", "--out", &out, "--json"]).last_line();
+    assert_eq!(
+        (&whole["width_mm"], &whole["figure"]),
+        (&178.0.into(), &out.as_str().into())
+    );
+    assert!(whole["behaviours"][0]["share"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
 fn a_run_ends_with_one_object_and_a_report() {
     let desk = Desk::new();
     let run = desk
