@@ -204,6 +204,18 @@ fn pages() -> GuardedRouter<Web> {
             Computing,
             taxonomy::contact_sheet,
         )
+        .get(
+            "/campaigns/{id}/figure.svg",
+            VIEWER,
+            Computing,
+            taxonomy::figure::svg,
+        )
+        .get(
+            "/campaigns/{id}/figure.pdf",
+            VIEWER,
+            Computing,
+            taxonomy::figure::pdf,
+        )
         .get("/campaigns/{id}/changes", VIEWER, Streaming, live::changes)
         .get(
             "/campaigns/{id}/individuals/{index}/motion",

@@ -30,7 +30,7 @@ impl Card<'_> {
     }
 
     /// The name of the behaviour, or else the judge's verdict on it.
-    fn card_name(&self) -> Option<CardName> {
+    pub(super) fn card_name(&self) -> Option<CardName> {
         let given = self.name().map(on_card);
         given.or_else(|| self.verdict().map(CardName::of_verdict))
     }

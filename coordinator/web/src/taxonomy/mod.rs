@@ -4,6 +4,7 @@
 mod alike;
 mod card;
 pub(super) mod changes;
+pub(super) mod figure;
 mod judged;
 pub(super) mod map;
 mod measured;
@@ -137,6 +138,7 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
         }
         @if shown.versions.len() > 1 { a.button href={ (of) "/taxonomy/changes" } { "Before and after" } }
         @if shown.version.stands {
+            (figure::form(record, shown))
             a.button href={ (of) "/contact-sheet.svg" } { "Contact sheet (SVG)" }
             a.button href={ (of) "/report" } { "Export the report" }
         }
@@ -306,14 +308,15 @@ pub(super) async fn contact_sheet(
     Ok((headers, sheet))
 }
 
-/// Maximum size of all cached reports in bytes, and of all cached contact sheets.
+/// Maximum size of all cached reports in bytes, and the same of all cached contact sheets, and of all cached figures.
 const MOST_BYTES: usize = 32 << 20;
 
-/// The latest reports and contact sheets. A clone is cheap.
+/// The latest reports, contact sheets and figures. A clone is cheap.
 #[derive(Debug, Clone)]
 pub struct Reports {
     pages: LatestAnswers<ReportState, Bytes>,
     sheets: LatestAnswers<ReportState, Bytes>,
+    figures: LatestAnswers<figure::FigureState, Bytes>,
 }
 
 impl Default for Reports {
@@ -321,6 +324,7 @@ impl Default for Reports {
         Self {
             pages: LatestAnswers::within(MOST_BYTES),
             sheets: LatestAnswers::within(MOST_BYTES),
+            figures: LatestAnswers::within(MOST_BYTES),
         }
     }
 }
@@ -329,8 +333,8 @@ impl Default for Reports {
 /// and the length of the label log.
 type ReportState = (ArchiveVersion, u64, CampaignState, Rounds, u64);
 
-/// The id of a campaign, and its report or contact sheet. Workers simulate the motions of the medoids.
-async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, Bytes), PageError> {
+/// The id of a campaign, and the state of its report.
+async fn state(web: &Web, id: &str) -> Result<(CampaignId, ReportState), PageError> {
     let record = web.campaigns.status(id).await?.record;
     let of = record.id.clone();
     let entries = web.store.run(move |store| store.label_entries(&of)).await?;
@@ -341,16 +345,35 @@ async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId,
         record.rounds,
         entries,
     );
+    Ok((record.id, state))
+}
+
+/// The id of a campaign, and its report or contact sheet.
+async fn drawn(web: &Web, id: &str, pictures: PicturesOf) -> Result<(CampaignId, Bytes), PageError> {
+    let (id, state) = state(web, id).await?;
     let kept = match pictures {
         PicturesOf::Individuals => &web.reports.pages,
         PicturesOf::Medoids => &web.reports.sheets,
     };
-    let id = record.id;
     let drawn = kept.of(&id, state, Bytes::len, draw(web, &id, pictures)).await?;
     Ok((id, drawn))
 }
 
 async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes, PageError> {
+    let gathered = gathered(web, id, pictures).await?;
+    let draw = move || match pictures {
+        PicturesOf::Individuals => report::page(&gathered),
+        PicturesOf::Medoids => report::contact_sheet(&gathered),
+    };
+    let drawn = in_background(move |_| parallel(draw));
+    let drawn = drawn
+        .await?
+        .map_err(|error| Status::internal(error.to_string()))?;
+    Ok(drawn.into())
+}
+
+/// The contents of a report. Workers simulate the motions of the medoids.
+async fn gathered(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<report::Report, PageError> {
     web.archive.dispatch.check_staffed().or_status()?;
     // Clients of the services in this process, which use no network.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive.clone()));
@@ -363,13 +386,5 @@ async fn draw(web: &Web, id: &CampaignId, pictures: PicturesOf) -> Result<Bytes,
         report_data::ReportDataError::Service(status) => status,
         other => Status::internal(other.to_string()),
     })?;
-    let draw = move || match pictures {
-        PicturesOf::Individuals => report::page(&gathered),
-        PicturesOf::Medoids => report::contact_sheet(&gathered),
-    };
-    let drawn = in_background(move |_| parallel(draw));
-    let drawn = drawn
-        .await?
-        .map_err(|error| Status::internal(error.to_string()))?;
-    Ok(drawn.into())
+    Ok(gathered)
 }

@@ -68,6 +68,48 @@ async fn a_finished_campaign_shows_its_behaviours() {
     cluster.stop().await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_figure_for_a_paper_has_the_chosen_behaviours() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    let page = browser.page("/campaigns/small-1/taxonomy").await;
+    for part in [
+        "Figure for a paper",
+        "action=\"/campaigns/small-1/figure.pdf\"",
+        "name=\"behaviours\" value=\"4\"",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
+    let asked = "behaviours=4&behaviours=2&width=page&labels=numbers";
+    let svg = browser
+        .get(&format!("/campaigns/small-1/figure.svg?{asked}"))
+        .await;
+    assert_eq!(svg.headers()["content-type"], "image/svg+xml");
+    assert_eq!(
+        svg.headers()["content-disposition"],
+        "attachment; filename=\"small-1-figure.svg\""
+    );
+    let svg = svg.text().await.unwrap();
+    assert!(svg.contains("width=\"178mm\""), "{svg}");
+    let numbers: Vec<&str> = svg.split("<g><title>").skip(1).map(|text| &text[..1]).collect();
+    assert_eq!(numbers, ["4", "2"]);
+    let pdf = browser
+        .get(&format!("/campaigns/small-1/figure.pdf?{asked}"))
+        .await;
+    assert_eq!(pdf.headers()["content-type"], "application/pdf");
+    assert!(pdf.bytes().await.unwrap().starts_with(b"%PDF-1."));
+    for asked in ["behaviours=5", "width=3mm", "labels=roman"] {
+        let refused = browser
+            .get(&format!("/campaigns/small-1/figure.pdf?{asked}"))
+            .await;
+        assert_eq!(refused.status(), StatusCode::BAD_REQUEST, "{asked}");
+    }
+    cluster.stop().await;
+}
+
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
 /// Ana's answers, as a page's script sends them.
