@@ -49,7 +49,7 @@ const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
 const PLAYING: &[Page] = &[Page::Label, Page::Map];
 
 /// All actions with a key that works wherever the focus is. No two actions of a page have the same default key.
-const ACTIONS: [Action; 16] = [
+const ACTIONS: [Action; 17] = [
     action("name", "n", "name a class, new or existing", NAMING),
     action("undo", "u", "undo your last answer", NAMING),
     action(
@@ -76,6 +76,7 @@ const ACTIONS: [Action; 16] = [
     action("back", "ArrowLeft", "a few steps back", PLAYING),
     action("forward", "ArrowRight", "a few steps forward", PLAYING),
     action("step", "ArrowRight", "one step forward", &[Page::Play]),
+    action("step-back", "ArrowLeft", "one step back", &[Page::Play]),
     action("slower", "-", "slower", &[Page::Label, Page::Map, Page::Play]),
     action("faster", "+", "faster", &[Page::Label, Page::Map, Page::Play]),
     action(

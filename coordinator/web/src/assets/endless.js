@@ -1,4 +1,5 @@
-// Plays the motion of a swarm without an end, with the controls of a player.
+// Plays the motion of a swarm without an end, with the controls of a player. A slider, if the player has one, goes back to steps
+// that were shown.
 import { base } from "./base.js";
 import { Unavailable } from "./coordinator.js";
 import { Pieces, draw } from "./pieces.js";
@@ -19,7 +20,11 @@ export class Endless extends Playback {
     this.motion = state;
     this.piece = null;
     this.target = null;
+    // The last step that was shown of the current motion.
+    this.farthest = 0;
     this.hasFailed = false;
+    // Whether the piece with the current step is requested.
+    this.isMissing = false;
     this.waiting = player.querySelector(".waiting");
     this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error), url });
   }
@@ -39,10 +44,12 @@ export class Endless extends Playback {
       this.status.classList.remove("wrong");
     }
     this.hasFailed = false;
-    if (!isNew) return;
-    this.step = piece.first;
-    this.target = null;
-    this.await(false);
+    if (isNew) {
+      this.step = piece.first;
+      this.farthest = piece.first;
+      this.target = null;
+      this.await(false);
+    }
     this.tell();
   }
 
@@ -63,13 +70,20 @@ export class Endless extends Playback {
 
   advance(ms) {
     const wanted = (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value);
-    const left = Math.max(this.pieces.last - this.step, 0);
+    const left = this.pieces.reach(this.step) - this.step;
     this.step += Math.min(wanted, left * Math.min(ms / LEFT_MS, 1));
     this.tell();
   }
 
-  once() {
-    this.step = Math.min(Math.floor(this.step) + 1, this.pieces.last);
+  // Goes one step forward, or one step back.
+  once(way = 1) {
+    const next = way > 0 ? Math.floor(this.step) + 1 : Math.ceil(this.step) - 1;
+    this.seek(Math.min(Math.max(next, 0), this.pieces.reach(this.step)));
+  }
+
+  // Goes to a step that was shown, and pauses there.
+  seek(step) {
+    this.step = step;
     this.pause();
   }
 
@@ -77,13 +91,26 @@ export class Endless extends Playback {
     this.draw();
     this.button.classList.toggle("playing", this.playing);
     this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
-    if (this.piece) this.output.textContent = `step ${grouped(Math.floor(this.step))}`;
+    if (!this.piece) return;
+    const step = Math.floor(this.step);
+    this.farthest = Math.max(this.farthest, step);
+    this.output.textContent = `step ${grouped(step)}`;
+    if (!this.scrub) return;
+    this.scrub.disabled = false;
+    this.scrub.max = this.farthest;
+    this.scrub.value = step;
+    this.scrub.setAttribute("aria-valuetext", `step ${grouped(step)} of ${grouped(this.farthest)}`);
   }
 
   draw() {
-    this.piece = this.pieces?.of(this.step) ?? null;
+    const piece = this.pieces?.of(this.step);
+    // The last picture stays until the piece with the current step has arrived.
+    const isMissing = !piece && Boolean(this.pieces?.asked);
+    if (isMissing !== this.isMissing) this.await(isMissing);
+    this.isMissing = isMissing;
+    this.piece = piece ?? this.piece;
     const shown = this.state.shown();
-    if (this.piece && shown.swarm) draw(this.canvas, this.piece, this.step, shown);
+    if (piece && shown.swarm) draw(this.canvas, piece, this.step, shown);
   }
 
   pace(faster) {

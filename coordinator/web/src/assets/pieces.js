@@ -6,6 +6,10 @@ const VERSION = 1;
 const HEADER_WORDS = 5;
 // Number of pieces that are requested in advance.
 const AHEAD = 1;
+// Maximum size of the kept pieces together: about 100,000 steps of 24 robots, or 5,000 steps of 1,000 robots.
+const MOST_BYTES = 32 << 20;
+// Number of steps between the first steps of pieces that are requested again.
+const LENGTH = 600;
 // Minimum radius of a robot, and maximum number of robots, for which sensors are drawn.
 const LEAST_RADIUS_PX = 4;
 const MOST_WITH_SENSORS = 200;
@@ -16,6 +20,7 @@ class Piece {
   constructor(bytes) {
     const [version, first, stride, frames, robots] = new Uint32Array(bytes, 0, HEADER_WORDS);
     if (version !== VERSION) throw new Error("this page is older than its coordinator: load it again");
+    this.bytes = bytes.byteLength;
     this.first = first;
     this.stride = stride;
     this.frames = frames;
@@ -44,37 +49,36 @@ class Piece {
   }
 }
 
-// Requests the pieces of one motion, and keeps the pieces that have not been shown yet.
+// Requests the pieces of one motion. Keeps the pieces that were shown, so that a person can go back without another request.
 export class Pieces {
   // Calls `came` when a piece has arrived, and `failed` after an error; `url` is the address of the pieces.
   constructor({ came, failed, url }) {
     this.url = url;
     this.came = came;
     this.failed = failed;
+    // The pieces of the current motion, by their first steps.
     this.held = [];
     this.asked = null;
+    // The first step of the piece that is requested, and of the piece that was refused.
+    this.wanted = null;
+    this.refused = null;
     // Whether no piece of the current motion has arrived yet.
     this.isNew = true;
-    this.ended = false;
   }
 
   // Begins another motion, from a step on. The old motion stays until the first piece of the new motion arrives.
   begin(query, step) {
-    this.asked?.abort();
-    this.asked = null;
     this.query = query;
     this.isNew = true;
-    this.ended = false;
+    this.refused = null;
     this.ask(step);
   }
 
-  get last() {
-    return this.held.at(-1)?.last ?? 0;
-  }
-
   async ask(step) {
+    this.asked?.abort();
     const asked = new AbortController();
     this.asked = asked;
+    this.wanted = step;
     const body = new URLSearchParams(this.query);
     body.set("from", step);
     const ask = () => {
@@ -85,24 +89,66 @@ export class Pieces {
       const piece = new Piece(await insist(ask, (error) => this.asked === asked && this.failed(error)));
       if (this.asked !== asked) return;
       this.asked = null;
-      this.held = this.isNew ? [piece] : [...this.held, piece];
+      this.held = this.isNew ? [piece] : [...this.held, piece].sort((a, b) => a.first - b.first);
       const was = this.isNew;
       this.isNew = false;
       this.came(piece, was);
     } catch (error) {
       if (this.asked !== asked) return;
       this.asked = null;
-      this.ended = true;
+      this.refused = step;
       this.failed(error);
     }
   }
 
-  // The piece that contains a step. It also requests the next piece.
+  // The piece that contains a step; undefined while it is requested. It also requests the next piece.
   of(step) {
-    const place = this.held.findIndex((piece) => step <= piece.last);
-    this.held.splice(0, Math.max(place, 0));
-    if (!this.asked && !this.ended && !this.isNew && this.held.length <= AHEAD) this.ask(this.last);
-    return place < 0 ? this.held.at(-1) : this.held[0];
+    const piece = this.at(step);
+    if (this.isNew) return piece;
+    const wanted = piece ? this.follows(piece) : this.begins(step);
+    const isComing = this.asked && (piece || this.wanted === wanted);
+    if (wanted !== null && wanted !== this.refused && !isComing) this.ask(wanted);
+    this.drop(step);
+    return piece;
+  }
+
+  at(step) {
+    return this.held.findLast((piece) => piece.first <= step && step <= piece.last);
+  }
+
+  // The first step of the piece that is missing after a piece; null if there is none.
+  follows(piece) {
+    const end = this.endOf(piece);
+    const ahead = this.held.filter(({ last }) => last > piece.last && last <= end).length;
+    return ahead < AHEAD ? end : null;
+  }
+
+  // The first step of a missing piece that contains a step. Neighbouring steps have the same missing piece, so that a person who
+  // moves the slider makes few requests.
+  begins(step) {
+    const before = this.held.filter(({ last }) => last <= step).map(({ last }) => last);
+    return Math.max(step - (step % LENGTH), ...before);
+  }
+
+  // The last step up to which the pieces from the one with this step on have no gap; the step itself if there is no such piece.
+  reach(step) {
+    const piece = this.at(step);
+    return piece ? this.endOf(piece) : step;
+  }
+
+  endOf({ last }) {
+    let end = last;
+    for (const next of this.held) if (next.first <= end && next.last > end) end = next.last;
+    return end;
+  }
+
+  // Drops the pieces farthest from a step until the others are few enough. A dropped piece is requested again when it is shown.
+  drop(step) {
+    const distance = ({ first, last }) => Math.max(first - step, step - last, 0);
+    while (this.held.length > AHEAD + 1 && this.held.reduce((sum, piece) => sum + piece.bytes, 0) > MOST_BYTES) {
+      const farthest = this.held.reduce((far, piece) => (distance(piece) > distance(far) ? piece : far));
+      this.held = this.held.filter((piece) => piece !== farthest);
+    }
   }
 }
 

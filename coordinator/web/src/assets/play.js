@@ -69,7 +69,7 @@ function playground() {
     return Math.floor(Math.min(endless.target ?? endless.step, LOOKED_AT, AT_ONCE / robots));
   };
 
-  for (const slider of root.querySelectorAll("[type=range]")) {
+  for (const slider of root.querySelectorAll(".side [type=range]")) {
     const number = slider.dataset.slides ? at(slider.dataset.slides) : at("robots");
     const isRobots = number.id === "robots";
     slider.addEventListener("input", () => {
@@ -100,15 +100,18 @@ function playground() {
     },
     restart: () => isValid() && endless.begin(0),
     once: () => endless.once(),
+    back: () => endless.once(-1),
   };
   at("anew").addEventListener("click", acts.anew);
   at("restart").addEventListener("click", acts.restart);
   at("one-step").addEventListener("click", acts.once);
+  at("step-back").addEventListener("click", acts.back);
   document.addEventListener("keydown", (event) => {
     if (!isForPage(event)) return;
     const name = actionOf(event.key);
     if (name === "play") endless.toggle();
     else if (name === "step") acts.once();
+    else if (name === "step-back") acts.back();
     else if (name === "restart") acts.restart();
     else if (name === "anew") acts.anew();
     else if (name === "like") comparison.ask();

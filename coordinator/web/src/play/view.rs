@@ -110,10 +110,12 @@ fn playground(address: &Address, play: &Play) -> Markup {
                     div.stage { canvas role="img" aria-label="Motion of the swarm" {} p.waiting hidden {} }
                     div.transport {
                         button.toggle type="button" aria-label="Play" {}
+                        input.scrub type="range" min="0" max="0" value="0" aria-label="Step" disabled;
+                        output.step { "–" }
+                        button.plain #step-back type="button" { "Back " (keys::mark("step-back")) }
                         button.plain #one-step type="button" { "Step " (keys::mark("step")) }
                         button.plain #restart type="button" { "Restart " (keys::mark("restart")) }
                         label { span.unseen { "Speed" } (parts::speeds()) }
-                        output.step { "–" }
                     }
                     (legend(model))
                     p #status.status role="status" {}
