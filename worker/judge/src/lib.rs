@@ -21,7 +21,13 @@ pub use motion::Motion;
 pub use walls::Walls;
 
 use murmuration_swarm::{Class, Frames, Replay, Verdict, World};
+use std::num::NonZeroU32;
 use window::Window;
+
+/// Steps between two frames of the judge's window.
+pub const STRIDE: NonZeroU32 = window::STRIDE;
+/// Number of frames of the judge's window, the first and the last included.
+pub const WINDOW_FRAMES: usize = window::STRETCHES as usize + 1;
 
 /// The frames of a motion in `world` that the judge needs: every fourth of the last 160 steps.
 #[must_use]

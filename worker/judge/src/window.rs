@@ -8,7 +8,7 @@ pub(super) const WINDOW_STEPS: u32 = 160;
 /// Steps between two times of the window, if the motion is long enough.
 pub(super) const STRIDE: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
 /// Number of intervals of the window: one for every four steps.
-const STRETCHES: u32 = WINDOW_STEPS / STRIDE.get();
+pub(super) const STRETCHES: u32 = WINDOW_STEPS / STRIDE.get();
 
 /// A point or a vector, in world units; y points down the screen.
 pub(super) type Point = [f64; 2];

@@ -13,6 +13,7 @@ use crate::{
 };
 use murmuration_swarm::{Features, World};
 use pulp::{Scalar, Simd};
+use std::collections::VecDeque;
 
 /// Number of steps that a feature is averaged over (fewer if the simulation is shorter).
 pub const FEATURE_STEPS: u32 = 100;
@@ -33,12 +34,7 @@ impl FeatureMeans {
 
     /// Adds the current state of the swarm, with displacements as velocities.
     pub fn observe(&mut self, swarm: &Swarm) {
-        let agents = swarm.agents().map(|agent| Agents {
-            position: agent.position,
-            heading: agent.heading,
-            displacement: agent.displacement,
-        });
-        self.0.observe(Scalar::new(), agents);
+        self.0.observe(Scalar::new(), agents(swarm));
     }
 
     /// The mean features, in the order of [`murmuration_swarm::FEATURE_NAMES`]; NaN before the first observed step.
@@ -46,6 +42,53 @@ impl FeatureMeans {
     pub fn means(&self) -> Features {
         self.0.means(0)
     }
+}
+
+/// Means over the last [`FEATURE_STEPS`] observed steps, with the bits of [`FeatureMeans`] of these steps.
+#[derive(Debug, Clone)]
+pub(crate) struct RecentFeatures {
+    half_diagonal: f64,
+    /// The features of each step, oldest first.
+    steps: VecDeque<Features>,
+}
+
+impl RecentFeatures {
+    pub(crate) fn new(world: &World) -> Self {
+        Self {
+            half_diagonal: world.half_diagonal(),
+            steps: VecDeque::with_capacity(FEATURE_STEPS as usize),
+        }
+    }
+
+    /// Adds the current state of the swarm, and forgets the oldest step if there are too many.
+    pub(crate) fn observe(&mut self, swarm: &Swarm) {
+        if self.steps.len() == FEATURE_STEPS as usize {
+            self.steps.pop_front();
+        }
+        let simd = Scalar::new();
+        self.steps
+            .push_back(features(simd, agents(swarm), self.half_diagonal));
+    }
+
+    /// The mean features; NaN before the first observed step.
+    pub(crate) fn means(&self) -> Features {
+        let mut sums = [0.0; 5];
+        for step in &self.steps {
+            for (sum, value) in sums.iter_mut().zip(step) {
+                *sum += value;
+            }
+        }
+        sums.map(|sum| sum / self.steps.len() as f64)
+    }
+}
+
+/// The agents of one swarm.
+fn agents(swarm: &Swarm) -> impl ExactSizeIterator<Item = Agents<Scalar>> + Clone {
+    swarm.agents().map(|agent| Agents {
+        position: agent.position,
+        heading: agent.heading,
+        displacement: agent.displacement,
+    })
 }
 
 /// Like [`FeatureMeans`], for several swarms at once.

@@ -7,6 +7,7 @@ pub mod case;
 pub mod evaluate;
 pub mod features;
 mod lanes;
+pub mod moments;
 pub mod rasterise;
 pub mod replay;
 pub mod simulate;
