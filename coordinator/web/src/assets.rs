@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 51] = [
+const ASSETS: [(&str, &str, &str); 53] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -43,6 +43,7 @@ const ASSETS: [(&str, &str, &str); 51] = [
     ("label.js", SCRIPT, include_str!("assets/label.js")),
     ("lasso.js", SCRIPT, include_str!("assets/lasso.js")),
     ("map.js", SCRIPT, include_str!("assets/map.js")),
+    ("marks.js", SCRIPT, include_str!("assets/marks.js")),
     ("menus.js", SCRIPT, include_str!("assets/menus.js")),
     ("moving.js", SCRIPT, include_str!("assets/moving.js")),
     ("new.js", SCRIPT, include_str!("assets/new.js")),
@@ -63,6 +64,7 @@ const ASSETS: [(&str, &str, &str); 51] = [
     ("sketch.js", SCRIPT, include_str!("assets/sketch.js")),
     ("study.js", SCRIPT, include_str!("assets/study.js")),
     ("taxonomy.js", SCRIPT, include_str!("assets/taxonomy.js")),
+    ("timeline.js", SCRIPT, include_str!("assets/timeline.js")),
     ("views.js", SCRIPT, include_str!("assets/views.js")),
 ];
 

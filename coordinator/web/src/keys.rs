@@ -49,7 +49,7 @@ const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
 const PLAYING: &[Page] = &[Page::Label, Page::Map];
 
 /// All actions with a key that works wherever the focus is. No two actions of a page have the same default key.
-const ACTIONS: [Action; 17] = [
+const ACTIONS: [Action; 18] = [
     action("name", "n", "name a class, new or existing", NAMING),
     action("undo", "u", "undo your last answer", NAMING),
     action(
@@ -84,6 +84,12 @@ const ACTIONS: [Action; 17] = [
         "r",
         "restart the motion",
         &[Page::Label, Page::Map, Page::Play],
+    ),
+    action(
+        "mark",
+        "m",
+        "mark this moment, to compare it with others",
+        &[Page::Play],
     ),
     action("anew", "n", "another start, by the next seed", &[Page::Play]),
     action(

@@ -67,9 +67,9 @@ async fn a_motion_is_that_of_the_swarm_and_is_kept_by_nobody() {
     assert_eq!(answer.headers()[CONTENT_TYPE], "application/octet-stream");
     let bytes = answer.bytes().await.unwrap();
     let words: Vec<[u8; 4]> = bytes.as_chunks().0.to_vec();
-    let header: Vec<u32> = words[..5].iter().map(|&word| u32::from_le_bytes(word)).collect();
-    assert_eq!(header, [1, 700, 1, 600, 30]);
-    assert_eq!(bytes.len(), 4 * 5 + 600 * 30 * (3 * 4 + 1));
+    let header: Vec<u32> = words[..6].iter().map(|&word| u32::from_le_bytes(word)).collect();
+    assert_eq!(header, [2, 700, 1, 600, 30, 15]);
+    assert_eq!(bytes.len(), 4 * 6 + 600 * 30 * (3 * 4 + 1) + 15 * 7 * 4);
 
     let world = World::try_from(murmuration_proto::v1::World {
         agents: Some(30),
@@ -78,7 +78,7 @@ async fn a_motion_is_that_of_the_swarm_and_is_kept_by_nobody() {
     let controller = Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap();
     let mut swarm = Swarm::new(&controller, &world.unwrap(), &Start::seeded(4)).unwrap();
     swarm.advance(700);
-    let (poses, _) = words[5..].as_chunks::<3>();
+    let (poses, _) = words[6..].as_chunks::<3>();
     for (agent, pose) in swarm.agents().zip(poses) {
         let [x, y] = agent.position;
         let expected = [x, y, agent.theta].map(|value| (value as f32).to_le_bytes());

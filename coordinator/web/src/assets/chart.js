@@ -2,10 +2,10 @@
 import { grouped } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
-const HEIGHT = 180;
 const ROOM = { left: 52, right: 12, top: 10, bottom: 24 };
 // Approximate number of grid lines besides the axis.
 const GRID = 4;
+const USUAL_HEIGHT = 180;
 // Minimum grid step of an axis that does not begin at 0: with this step, three digits distinguish neighbouring percentages.
 const LEAST_STEP = 0.1;
 
@@ -27,17 +27,24 @@ const lastOf = (values) => values.findLast(Number.isFinite);
 
 export class Chart {
   // `across` is the name of the axis, `lines` has the names of the lines, and `name` formats a place on the axis. The vertical
-  // axis begins at 0. With `fromLeast`, it begins below the lowest value, for percentages that are all high.
-  constructor(root, { across, lines, name = grouped, fromLeast = false }) {
+  // axis begins at 0. With `fromLeast`, it begins below the lowest value, for percentages that are all high; `leastStep` is the
+  // smallest distance between its grid lines. `chosen` is called with the place on the axis that a click or the key Enter chooses.
+  constructor(root, { across, lines, name = grouped, fromLeast = false, leastStep = LEAST_STEP, height = USUAL_HEIGHT, chosen }) {
     this.root = root;
     this.across = across;
     this.lines = lines;
     this.name = name;
     this.fromLeast = fromLeast;
+    this.leastStep = leastStep;
+    this.height = height;
+    this.gridLines = height < USUAL_HEIGHT ? GRID / 2 : GRID;
+    this.chosen = chosen;
     this.events = [];
     // Linked charts, which show their values at the same place.
     this.beside = [];
     this.at = -1;
+    // The place of the mark while there is no pointer on the chart; -1 for no mark.
+    this.resting = -1;
     this.x = [];
     // The chart needs arrow keys, which screen readers pass to applications only.
     this.svg = element("svg", { role: "application", "aria-roledescription": "chart", tabindex: "0" });
@@ -50,11 +57,16 @@ export class Chart {
     root.append(this.svg, this.told, this.spoken);
     this.svg.addEventListener("pointermove", ({ offsetX }) => this.point(this.nearest(offsetX)));
     this.svg.addEventListener("pointerleave", () => this.point(-1));
+    this.svg.addEventListener("click", () => this.choose());
     this.svg.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") this.choose();
       const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       if (!way || this.x.length === 0) return;
       event.preventDefault();
-      const from = this.at < 0 ? this.x.length - 1 : this.at + way;
+      // On the page Play, the arrow keys have actions of their own.
+      event.stopPropagation();
+      const now = this.at < 0 ? this.resting : this.at;
+      const from = now < 0 ? this.x.length - 1 : now + way;
       this.point(Math.min(Math.max(from, 0), this.x.length - 1));
       this.spoken.textContent = [this, ...this.beside].map(({ told }) => told.textContent).join("; ");
     });
@@ -88,15 +100,15 @@ export class Chart {
     const most = Math.max(...finite, 0);
     // The axis can begin at 0, because no value is below 0.
     const least = this.fromLeast && finite.length ? Math.min(...finite) : 0;
-    const fitting = roundUp((most - least || 1) / GRID);
-    const step = this.fromLeast ? Math.max(fitting, LEAST_STEP) : fitting;
+    const fitting = roundUp((most - least || 1) / this.gridLines);
+    const step = this.fromLeast ? Math.max(fitting, this.leastStep) : fitting;
     const low = step * Math.floor(least / step + 1e-9);
     const high = Math.max(step * Math.ceil(most / step - 1e-9), low + step);
-    const [wide, tall] = [width - ROOM.left - ROOM.right, HEIGHT - ROOM.top - ROOM.bottom];
+    const [wide, tall] = [width - ROOM.left - ROOM.right, this.height - ROOM.top - ROOM.bottom];
     this.acrossOf = (x) => ROOM.left + ((x - first) / (last - first)) * wide;
     this.downOf = (y) => ROOM.top + tall * (1 - (y - low) / (high - low));
-    this.svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`);
-    this.svg.setAttribute("height", HEIGHT);
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${this.height}`);
+    this.svg.setAttribute("height", this.height);
     this.svg.setAttribute("aria-label", this.summary());
     this.svg.replaceChildren(...this.grid(step, low, high, width), ...this.marked(), ...this.curves(), this.mark());
     this.tell();
@@ -111,7 +123,7 @@ export class Chart {
         element("text", { x: ROOM.left - 6, y: y + 4, "text-anchor": "end" }, short(value)),
       ];
     });
-    const y = HEIGHT - 6;
+    const y = this.height - 6;
     return [
       ...lines,
       element("text", { x: ROOM.left, y }, this.name(this.x[0])),
@@ -127,7 +139,7 @@ export class Chart {
       const group = element("g", { class: line === undefined ? "event" : `event of-line key-${line}` });
       const title = element("title", {}, text);
       const flag = element("path", { d: `M${x - 5} ${ROOM.top - 8}h10l-5 7z` });
-      group.append(title, element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }), flag);
+      group.append(title, element("line", { x1: x, x2: x, y1: ROOM.top, y2: this.height - ROOM.bottom }), flag);
       if (label && line === undefined) group.append(element("text", { x: x + 8, y: ROOM.top + 2 }, label));
       return group;
     });
@@ -151,11 +163,12 @@ export class Chart {
 
   mark() {
     const group = element("g", { class: "mark-at" });
-    if (this.at < 0) return group;
-    const x = this.acrossOf(this.x[this.at]);
-    group.append(element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }));
+    const at = this.at < 0 ? Math.min(this.resting, this.x.length - 1) : this.at;
+    if (at < 0) return group;
+    const x = this.acrossOf(this.x[at]);
+    group.append(element("line", { x1: x, x2: x, y1: ROOM.top, y2: this.height - ROOM.bottom }));
     this.values.forEach((values, line) => {
-      const y = values[this.at];
+      const y = values[at];
       if (Number.isFinite(y)) group.append(element("circle", { class: `dot-${line}`, cx: x, cy: this.downOf(y), r: 4 }));
     });
     return group;
@@ -185,9 +198,24 @@ export class Chart {
     for (const chart of this.beside) chart.point(at);
   }
 
-  // Shows the values at the pointer, or else the last values.
+  // Moves the mark that is shown while there is no pointer on the chart to the value nearest to `x`.
+  rest(x) {
+    const place = this.x.length > 1 ? this.nearestTo(x) : -1;
+    if (place === this.resting || !this.acrossOf) return;
+    this.resting = place;
+    if (this.at >= 0 || place < 0) return;
+    this.svg.querySelector(".mark-at")?.replaceWith(this.mark());
+    this.tell();
+  }
+
+  choose() {
+    if (this.chosen && this.at >= 0) this.chosen(this.x[this.at]);
+  }
+
+  // Shows the values at the pointer, or else those at the resting mark or the last values.
   tell() {
-    const at = this.at < 0 ? this.x.length - 1 : this.at;
+    const marked = this.at < 0 ? Math.min(this.resting, this.x.length - 1) : this.at;
+    const at = marked < 0 ? this.x.length - 1 : marked;
     const events = this.events.filter((event) => this.nearestTo(event.x) === at).map(({ text }) => ` · ${text}`);
     this.told.replaceChildren(
       `${this.across} ${this.name(this.x[at])}: `,
@@ -195,7 +223,7 @@ export class Chart {
         const key = document.createElement("span");
         key.className = `key-${line}`;
         // A line that ends before the other lines shows the place of its end.
-        const place = this.at < 0 ? this.values[line].findLastIndex((value) => Number.isFinite(value)) : at;
+        const place = marked < 0 ? this.values[line].findLastIndex((value) => Number.isFinite(value)) : at;
         const where = place >= 0 && place !== at ? ` (${this.across} ${this.name(this.x[place])})` : "";
         key.textContent = `${name} ${short(this.values[line][place])}${where}`;
         return line === 0 ? [key] : [" · ", key];
@@ -206,6 +234,6 @@ export class Chart {
 
   summary() {
     const last = this.lines.map((name, line) => `${name} ${short(lastOf(this.values[line]))}`).join(", ");
-    return `${this.lines.join(" and ")} by ${this.across}, last ${last}. Arrow keys move from value to value.`;
+    return `${this.lines.join(" and ")} by ${this.across}, last ${last}. Arrow keys move from value to value${this.chosen ? "; Enter goes to the value" : ""}.`;
   }
 }

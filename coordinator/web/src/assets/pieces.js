@@ -2,8 +2,10 @@
 import { insist, reply } from "./coordinator.js";
 import { drawArena, fit } from "./drawing.js";
 
-const VERSION = 1;
-const HEADER_WORDS = 5;
+const VERSION = 2;
+const HEADER_WORDS = 6;
+// A moment has its step, the number of its verdict, and five features.
+const MOMENT_WORDS = 7;
 // Number of pieces that are requested in advance.
 const AHEAD = 1;
 // Maximum size of the kept pieces together: about 100,000 steps of 24 robots, or 5,000 steps of 1,000 robots.
@@ -14,11 +16,20 @@ const LENGTH = 600;
 const LEAST_RADIUS_PX = 4;
 const MOST_WITH_SENSORS = 200;
 
+// The moments of a piece: what an evaluation would find if the motion ended at a step. The verdict 0 stands for none.
+function momentsOf(words) {
+  const numbers = new Float32Array(words.buffer, words.byteOffset, words.length);
+  return Array.from({ length: words.length / MOMENT_WORDS }, (_, place) => {
+    const at = place * MOMENT_WORDS;
+    return { step: words[at], verdict: words[at + 1], features: Array.from(numbers.subarray(at + 2, at + MOMENT_WORDS)) };
+  });
+}
+
 // A piece of a motion: frames at every step or at every other step, in the coordinator's format. The format is little-endian,
 // like all browsers.
 class Piece {
   constructor(bytes) {
-    const [version, first, stride, frames, robots] = new Uint32Array(bytes, 0, HEADER_WORDS);
+    const [version, first, stride, frames, robots, moments] = new Uint32Array(bytes, 0, HEADER_WORDS);
     if (version !== VERSION) throw new Error("this page is older than its coordinator: load it again");
     this.bytes = bytes.byteLength;
     this.first = first;
@@ -27,7 +38,9 @@ class Piece {
     this.robots = robots;
     this.last = first + stride * (frames - 1);
     this.poses = new Float32Array(bytes, 4 * HEADER_WORDS, 3 * frames * robots);
-    this.sensed = new Uint8Array(bytes, 4 * HEADER_WORDS + this.poses.byteLength);
+    const after = 4 * HEADER_WORDS + this.poses.byteLength;
+    this.moments = momentsOf(new Uint32Array(bytes, after, MOMENT_WORDS * moments));
+    this.sensed = new Uint8Array(bytes, after + 4 * MOMENT_WORDS * moments);
   }
 
   // Passes x, y, heading and state of the sensors of each robot at a step to `told`.

@@ -3,6 +3,8 @@ import { base } from "./base.js";
 import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
 import { actionOf, isForPage } from "./keys.js";
+import { Marks } from "./marks.js";
+import { Timeline } from "./timeline.js";
 
 // After a change of the controller, the new motion is shown from the current step on, with two limits. LOOKED_AT is the last step
 // that the paper looks at. AT_ONCE is the number of steps times robots that can be simulated without a delay.
@@ -44,11 +46,48 @@ class State {
   }
 }
 
+// The player of this page, which also shows the moments of the motion.
+class Watched extends Endless {
+  constructor(...given) {
+    super(...given);
+    this.timeline = new Timeline(at("timeline"), at("judged"), (step) => this.seek(step));
+  }
+
+  came(piece, isNew) {
+    if (isNew) this.timeline.begin();
+    this.timeline.add(piece.moments);
+    super.came(piece, isNew);
+  }
+
+  tell() {
+    super.tell();
+    if (this.piece) this.timeline.show(this.step, this.farthest, this.piece.robots);
+  }
+
+  // The moment that a person marks: the last one up to the current step, with its name.
+  moment() {
+    const now = this.timeline.now();
+    return now && { measured: now.step, features: now.features, name: this.timeline.nameOf(now) ?? "no name" };
+  }
+}
+
+// The step in the address, with which the motion begins; null if there is none.
+function addressed() {
+  const step = new URLSearchParams(location.hash.slice(1)).get("step");
+  return step !== null && /^\d{1,7}$/.test(step) ? Number(step) : null;
+}
+
 function playground() {
   const state = new State();
   const player = root.querySelector(".player");
   player.querySelector(".stage").style.aspectRatio = `${state.swarm.world.width} / ${state.swarm.world.height}`;
-  const endless = new Endless(player, state, at("status"));
+  const endless = new Watched(player, state, at("status"));
+  const marks = new Marks(at("marks"), {
+    query: () => state.query(),
+    go: (step) => endless.seek(step),
+    features: endless.timeline.features,
+    status: at("status"),
+  });
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
   const comparison = new Comparison(() => state.query());
@@ -63,6 +102,7 @@ function playground() {
     if (!isValid() || `?${state.query()}` === told) return;
     told = `?${state.query()}`;
     history.pushState(null, "", told);
+    marks.tell();
   };
   const seen = () => {
     const robots = endless.piece?.robots ?? 1;
@@ -101,17 +141,20 @@ function playground() {
     restart: () => isValid() && endless.begin(0),
     once: () => endless.once(),
     back: () => endless.once(-1),
+    mark: () => isValid() && endless.piece && marks.add(Math.floor(endless.step), endless.moment(), endless.canvas),
   };
   at("anew").addEventListener("click", acts.anew);
   at("restart").addEventListener("click", acts.restart);
   at("one-step").addEventListener("click", acts.once);
   at("step-back").addEventListener("click", acts.back);
+  at("mark").addEventListener("click", acts.mark);
   document.addEventListener("keydown", (event) => {
     if (!isForPage(event)) return;
     const name = actionOf(event.key);
     if (name === "play") endless.toggle();
     else if (name === "step") acts.once();
     else if (name === "step-back") acts.back();
+    else if (name === "mark") acts.mark();
     else if (name === "restart") acts.restart();
     else if (name === "anew") acts.anew();
     else if (name === "like") comparison.ask();
@@ -124,8 +167,9 @@ function playground() {
   addEventListener("popstate", () => new URL(location).search !== new URL(told, location).search && location.reload());
 
   history.replaceState(null, "", `${told}${location.hash}`);
-  endless.begin(0);
-  if (calm.matches) endless.pause();
+  const first = addressed();
+  endless.begin(first ?? 0);
+  if (calm.matches || first !== null) endless.pause();
   else endless.play();
 }
 

@@ -4,6 +4,7 @@ use super::{
     super::{Web, page_error::Refused},
     Play,
     address::MOST_ROBOTS,
+    motion::Detail,
     piece,
 };
 use crate::asked::Form;
@@ -58,5 +59,5 @@ pub(in super::super) async fn pieces(
         seed: individual.seed,
         world,
     };
-    piece(web, client, play, first).await
+    piece(web, client, play, (first, Detail::Frames)).await
 }

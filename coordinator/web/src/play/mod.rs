@@ -8,6 +8,7 @@ mod archived;
 mod compare;
 mod knobs;
 mod motion;
+mod timeline;
 mod view;
 
 pub(super) use address::address_of;
@@ -32,7 +33,7 @@ use axum::{
 };
 use compare::check_cost;
 use maud::Markup;
-use motion::{Kept, MOST_STEPS};
+use motion::{Detail, Kept, MOST_STEPS};
 use murmuration_access::Client;
 use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, CampaignState, NewCampaign};
@@ -91,7 +92,7 @@ async fn comparable(web: &Web, play: &Play) -> Result<Vec<Comparable>, PageError
     Ok(comparable)
 }
 
-/// A piece of the motion of the address's swarm, from the step `from` on.
+/// A piece of the motion of the address's swarm, from the step `from` on, with its moments.
 pub(super) async fn motion(
     State(web): State<Web>,
     Extension(client): Extension<Client>,
@@ -99,13 +100,18 @@ pub(super) async fn motion(
 ) -> Result<impl IntoResponse, Refused> {
     let first = first_step(&mut parameters)?;
     let play = strictly(&parameters)?;
-    piece(web, client, play, first).await
+    piece(web, client, play, (first, Detail::FramesAndMoments)).await
 }
 
-/// A piece of the motion of a swarm, from the step `first` on.
-async fn piece(web: Web, client: Client, play: Play, first: u32) -> Result<impl IntoResponse, Refused> {
+/// A piece of the motion of a swarm: its first step, and whether it has moments.
+async fn piece(
+    web: Web,
+    client: Client,
+    play: Play,
+    wanted: (u32, Detail),
+) -> Result<impl IntoResponse, Refused> {
     let simulated = in_background(move |interrupt| {
-        let piece = web.play.0.piece(client, &play, first, interrupt)?;
+        let piece = web.play.0.piece(client, &play, wanted, interrupt)?;
         Ok::<_, Status>(piece.bytes())
     });
     let bytes = simulated.await.or_status()??;

@@ -2,12 +2,18 @@
 //!
 //! A piece begins where the piece before it ended, so that the pieces together are one motion, bit for bit. The last few swarms
 //! are kept in memory for this purpose. A swarm that is no longer kept is simulated again from its start, to the same bits.
+//!
+//! A piece can also have moments: what an evaluation would find if the motion ended there. Therefore every kept swarm keeps its
+//! recent past, which is at most half a megabyte for 1,000 robots.
 
 use super::address::Play;
 use murmuration_access::Client;
 use murmuration_search::interrupt::Interrupt;
-use murmuration_sim::simulate::{Agent, Start, Swarm};
-use murmuration_swarm::Invalid;
+use murmuration_sim::{
+    moments::Moments,
+    simulate::{Agent, Start, Swarm},
+};
+use murmuration_swarm::{Features, Invalid, Verdict, World};
 use std::{
     sync::{Mutex, PoisonError},
     time::{Duration, Instant},
@@ -31,7 +37,23 @@ const TIME_LIMIT: Duration = Duration::from_secs(2);
 const PIECE_LIMIT: Duration = Duration::from_millis(250);
 /// Number of steps of a small swarm between two checks of the clock.
 const PATIENCE_STEPS: u32 = 8;
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+
+/// Whether a piece has moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Detail {
+    Frames,
+    FramesAndMoments,
+}
+
+/// What an evaluation would find if the motion ended at this step.
+#[derive(Debug, Clone, PartialEq)]
+struct Moment {
+    step: u32,
+    /// The judge's name of the motion; `None` if the motion is too short or has too few robots.
+    verdict: Option<Verdict>,
+    features: Features,
+}
 
 /// A piece of a motion: frames at every step or at every other step.
 #[derive(Debug, Default, PartialEq)]
@@ -43,13 +65,22 @@ pub(super) struct Piece {
     poses: Vec<[f32; 3]>,
     /// The last state of the sensors of each robot of each frame.
     sensed: Vec<u8>,
+    /// The moments after the first frame; the next piece has the following ones.
+    moments: Vec<Moment>,
+}
+
+/// A swarm with its recent past.
+#[derive(Debug)]
+struct Watched {
+    swarm: Swarm,
+    past: Moments,
 }
 
 #[derive(Debug)]
 struct KeptSwarm {
     client: Client,
     play: Play,
-    swarm: Swarm,
+    watched: Watched,
 }
 
 /// The latest simulated swarms, and the time limits of requests.
@@ -64,6 +95,56 @@ pub(super) struct Kept {
 impl Default for Kept {
     fn default() -> Self {
         Self::within([TIME_LIMIT, PIECE_LIMIT])
+    }
+}
+
+impl Watched {
+    fn new(play: &Play) -> Result<Self, Invalid> {
+        let swarm = Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed))?;
+        let mut past = Moments::new(&play.world);
+        past.observe(&swarm);
+        Ok(Self { swarm, past })
+    }
+
+    fn step(&mut self) {
+        self.swarm.step();
+        self.past.observe(&self.swarm);
+    }
+
+    /// Advances to the step `steps`; returns false if the time was too short.
+    fn advance(&mut self, steps: u32, is_time: impl Fn() -> bool) -> bool {
+        // One step of many robots among obstacles can take a large part of a second.
+        let patience = match self.swarm.agents().len() as u32 {
+            0..=EVERY_STEP => PATIENCE_STEPS,
+            _ => 1,
+        };
+        while self.swarm.steps() < steps {
+            if !is_time() {
+                return false;
+            }
+            for _ in 0..patience.min(steps - self.swarm.steps()) {
+                self.step();
+            }
+        }
+        true
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            step: self.swarm.steps(),
+            verdict: self.past.verdict(),
+            features: self.past.features(),
+        }
+    }
+}
+
+/// Number of steps between two moments in `world`. Judging takes as long as many steps, and the time grows with the square of the
+/// number of robots.
+const fn moment_steps(world: &World) -> u32 {
+    match world.agents() {
+        0..=64 => 40,
+        65..=EVERY_STEP => 120,
+        _ => 240,
     }
 }
 
@@ -94,9 +175,10 @@ impl Piece {
         }
     }
 
-    /// The piece in little-endian. First come five whole numbers of 32 bits: version, first step, steps between frames, frames,
-    /// robots. Then come, for each robot of each frame, x, y and heading as floats of 32 bits. Last come, for each robot of each
-    /// frame, a byte with the state of its sensors; the first sensor has the highest bit.
+    /// The piece in little-endian. First come six whole numbers of 32 bits: version, first step, steps between frames, frames,
+    /// robots, moments. Then come, for each robot of each frame, x, y and heading as floats of 32 bits. Next come, for each moment,
+    /// its step and the number of its verdict (0 without a verdict) as whole numbers of 32 bits, and its features as floats of 32
+    /// bits. Last come, for each robot of each frame, a byte with the state of its sensors; the first sensor has the highest bit.
     pub(super) fn bytes(&self) -> Vec<u8> {
         let header = [
             VERSION,
@@ -104,11 +186,23 @@ impl Piece {
             self.stride,
             self.frames() as u32,
             self.robots,
+            self.moments.len() as u32,
         ];
         let header = header.into_iter().flat_map(u32::to_le_bytes);
         let poses = self.poses.as_flattened().iter();
         let poses = poses.flat_map(|value| value.to_le_bytes());
-        header.chain(poses).chain(self.sensed.iter().copied()).collect()
+        let moments = self.moments.iter().flat_map(Moment::bytes);
+        let sensed = self.sensed.iter().copied();
+        header.chain(poses).chain(moments).chain(sensed).collect()
+    }
+}
+
+impl Moment {
+    fn bytes(&self) -> impl Iterator<Item = u8> {
+        let verdict = self.verdict.map_or(0, Verdict::number);
+        let features = self.features.map(|value| (value as f32).to_le_bytes());
+        let words = [self.step, verdict.into()].map(u32::to_le_bytes);
+        words.into_iter().chain(features).flatten()
     }
 }
 
@@ -128,25 +222,31 @@ impl Kept {
         &self,
         client: Client,
         play: &Play,
-        first: u32,
+        (first, detail): (u32, Detail),
         interrupt: &Interrupt,
     ) -> Result<Piece, Status> {
-        let mut swarm = self.reached(play, first)?;
+        let mut watched = self.reached(play, first)?;
         let mut piece = Piece::begun(play, first);
         let [before, during] = self.limits;
-        if advanced(&mut swarm, first, is_time_for(before, interrupt)) {
-            piece.push(swarm.agents());
+        if watched.advance(first, is_time_for(before, interrupt)) {
+            piece.push(watched.swarm.agents());
             let is_time = is_time_for(during, interrupt);
-            while !piece.is_whole() {
-                let next = swarm.steps() + piece.stride;
-                if !advanced(&mut swarm, next, &is_time) {
-                    break;
+            let moment_steps = moment_steps(&play.world);
+            // The clock is checked only at frames, so that the next piece can go on from the swarm that is kept.
+            while !piece.is_whole() && is_time() {
+                for _ in 0..piece.stride {
+                    watched.step();
+                    if detail == Detail::FramesAndMoments
+                        && watched.swarm.steps().is_multiple_of(moment_steps)
+                    {
+                        piece.moments.push(watched.moment());
+                    }
                 }
-                piece.push(swarm.agents());
+                piece.push(watched.swarm.agents());
             }
         }
-        let reached = swarm.steps();
-        self.keep(client, play, swarm);
+        let reached = watched.swarm.steps();
+        self.keep(client, play, watched);
         match piece.frames() {
             0 | 1 => Err(Status::unavailable(format!(
                 "the simulation has reached step {reached}: try again"
@@ -156,23 +256,24 @@ impl Kept {
     }
 
     /// The kept swarm that is nearest before a step, or a new swarm at its start.
-    fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
+    fn reached(&self, play: &Play, step: u32) -> Result<Watched, Invalid> {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = |(_, kept): &(usize, &KeptSwarm)| kept.play == *play && kept.swarm.steps() <= step;
+        let before =
+            |(_, kept): &(usize, &KeptSwarm)| kept.play == *play && kept.watched.swarm.steps() <= step;
         let found = kept.iter().enumerate().filter(before);
-        let found = found.max_by_key(|(_, kept)| kept.swarm.steps());
+        let found = found.max_by_key(|(_, kept)| kept.watched.swarm.steps());
         match found.map(|(place, _)| place) {
-            Some(place) => Ok(kept.remove(place).swarm),
-            None => Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed)),
+            Some(place) => Ok(kept.remove(place).watched),
+            None => Watched::new(play),
         }
     }
 
-    fn keep(&self, client: Client, play: &Play, swarm: Swarm) {
+    fn keep(&self, client: Client, play: &Play, watched: Watched) {
         let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push(KeptSwarm {
             client,
             play: play.clone(),
-            swarm,
+            watched,
         });
         while kept.len() > MOST_KEPT {
             let of = |client: Client| kept.iter().filter(|kept| kept.client == client).count();
@@ -194,25 +295,12 @@ fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + us
     move || Instant::now() < until && interrupt.check().is_ok()
 }
 
-/// Advances a swarm to the step `steps`; returns false if the time was too short.
-fn advanced(swarm: &mut Swarm, steps: u32, is_time: impl Fn() -> bool) -> bool {
-    // One step of many robots among obstacles can take a large part of a second.
-    let patience = match swarm.agents().len() as u32 {
-        0..=EVERY_STEP => PATIENCE_STEPS,
-        _ => 1,
-    };
-    while swarm.steps() < steps {
-        if !is_time() {
-            return false;
-        }
-        swarm.advance((steps - swarm.steps()).min(patience));
-    }
-    true
-}
-
 #[cfg(test)]
 mod tests {
     use super::{super::address::Address, *};
+    use murmuration_proto::v1;
+    use murmuration_sim::evaluate::Evaluator;
+    use murmuration_swarm::{Evaluation, ImageFormat};
 
     fn play(robots: &str, seed: &str) -> Play {
         let parameters = [("robots", robots), ("seed", seed)];
@@ -226,7 +314,8 @@ mod tests {
     }
 
     fn piece(kept: &Kept, play: &Play, first: u32) -> Piece {
-        kept.piece(Client::UNKNOWN, play, first, &Interrupt::default())
+        let wanted = (first, Detail::FramesAndMoments);
+        kept.piece(Client::UNKNOWN, play, wanted, &Interrupt::default())
             .unwrap()
     }
 
@@ -238,14 +327,22 @@ mod tests {
     fn the_bytes_of_a_piece_are_the_poses_of_the_swarm() {
         let play = play("24", "5");
         let bytes = piece(&unhurried(), &play, 7).bytes();
-        let (words, sensed) = bytes.split_at(4 * (5 + 3 * 600 * 24));
+        let (words, rest) = bytes.split_at(4 * (6 + 3 * 600 * 24));
+        let (moments, sensed) = rest.split_at(4 * 7 * 15);
         let words: Vec<[u8; 4]> = words.as_chunks().0.to_vec();
-        let header: Vec<u32> = words[..5].iter().map(|&word| u32::from_le_bytes(word)).collect();
-        assert_eq!(header, [1, 7, 1, 600, 24]);
+        let header: Vec<u32> = words[..6].iter().map(|&word| u32::from_le_bytes(word)).collect();
+        assert_eq!(header, [2, 7, 1, 600, 24, 15]);
+        // The judge needs 160 steps.
+        let steps = moments.chunks(4 * 7).map(|moment| [moment[0], moment[4].min(1)]);
+        assert!(
+            steps
+                .take(5)
+                .eq([40, 80, 120, 160, 200].map(|step| [step, u8::from(step >= 160)]))
+        );
         assert_eq!(sensed.len(), 600 * 24);
         let mut swarm = swarm(&play);
         swarm.advance(7);
-        let mut poses = words[5..].chunks(3);
+        let mut poses = words[6..].chunks(3);
         let mut sensed = sensed.iter();
         for _ in 0..600 {
             for agent in swarm.agents() {
@@ -278,6 +375,60 @@ mod tests {
         }
     }
 
+    /// The evaluation of a swarm that ends at the step `horizon`.
+    fn evaluated(play: &Play, horizon: u32) -> Evaluation {
+        let message = v1::World {
+            horizon: Some(horizon),
+            ..play.world.clone().into()
+        };
+        let world = World::try_from(message).unwrap();
+        let mut evaluator = Evaluator::new(&world, &ImageFormat::default())
+            .unwrap()
+            .judging(true);
+        evaluator
+            .evaluate(&play.controller, &Start::seeded(play.seed))
+            .unwrap()
+    }
+
+    #[test]
+    fn a_moment_is_what_an_evaluation_that_ends_there_finds() {
+        let (kept, play) = (unhurried(), play("24", "3"));
+        let pieces = [0, 599, 1198].map(|first| piece(&kept, &play, first));
+        let moments: Vec<_> = pieces.iter().flat_map(|piece| &piece.moments).collect();
+        let steps = moments.iter().map(|moment| moment.step);
+        assert!(steps.eq((40..=1797).step_by(40)), "each moment is in one piece");
+        for moment in moments
+            .into_iter()
+            .filter(|moment| moment.step % 400 == 0 || moment.step == 80)
+        {
+            let evaluation = evaluated(&play, moment.step);
+            assert_eq!(moment.features, *evaluation.features(), "step {}", moment.step);
+            let verdict = evaluation.verdict().filter(|_| moment.step >= 160);
+            assert_eq!(moment.verdict, verdict, "step {}", moment.step);
+        }
+        let few = super::tests::play("2", "3");
+        assert!(
+            piece(&kept, &few, 0)
+                .moments
+                .iter()
+                .all(|moment| moment.verdict.is_none())
+        );
+        let plain = (0, Detail::Frames);
+        let plain = kept.piece(Client::UNKNOWN, &play, plain, &Interrupt::default());
+        assert!(plain.unwrap().moments.is_empty());
+    }
+
+    #[test]
+    fn the_swarm_after_a_piece_without_enough_time_is_kept_for_the_next_piece() {
+        let (kept, play) = (
+            Kept::within([Duration::from_secs(3600), Duration::from_millis(20)]),
+            play("900", "1"),
+        );
+        let piece = piece(&kept, &play, 1);
+        let last = 1 + 2 * (piece.frames() as u32 - 1);
+        assert_eq!(kept.reached(&play, last).unwrap().swarm.steps(), last);
+    }
+
     #[test]
     fn a_few_swarms_are_kept_and_none_for_another_seed() {
         let kept = unhurried();
@@ -298,7 +449,8 @@ mod tests {
         let guest = Client::at([10, 0, 0, 1].into());
         for seed in 0..40 {
             let swarm = play("24", &seed.to_string());
-            kept.piece(guest, &swarm, 0, &Interrupt::default()).unwrap();
+            let wanted = (0, Detail::Frames);
+            kept.piece(guest, &swarm, wanted, &Interrupt::default()).unwrap();
         }
         let swarms = kept.swarms.lock().unwrap();
         assert_eq!(swarms.len(), MOST_KEPT);
@@ -310,7 +462,12 @@ mod tests {
         let (kept, interrupt) = (unhurried(), Interrupt::default());
         interrupt.raise();
         let refused = kept
-            .piece(Client::UNKNOWN, &play("1000", "1"), 500_000, &interrupt)
+            .piece(
+                Client::UNKNOWN,
+                &play("1000", "1"),
+                (500_000, Detail::Frames),
+                &interrupt,
+            )
             .unwrap_err();
         assert_eq!(refused.code(), tonic::Code::Unavailable);
         assert_eq!(refused.message(), "the simulation has reached step 0: try again");

@@ -11,6 +11,7 @@ use super::{
     Comparable, OFFERED,
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
+    timeline,
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
@@ -36,6 +37,7 @@ pub(super) fn page(address: &Address, campaigns: &[Comparable], visitor: &Visito
         (description(address))
         @if let Ok(play) = &address.play {
             (playground(address, play))
+            (timeline::section())
             (comparison(play, campaigns))
         }
     };
@@ -114,9 +116,11 @@ fn playground(address: &Address, play: &Play) -> Markup {
                         output.step { "–" }
                         button.plain #step-back type="button" { "Back " (keys::mark("step-back")) }
                         button.plain #one-step type="button" { "Step " (keys::mark("step")) }
+                        button.plain #mark type="button" { "Mark this moment " (keys::mark("mark")) }
                         button.plain #restart type="button" { "Restart " (keys::mark("restart")) }
                         label { span.unseen { "Speed" } (parts::speeds()) }
                     }
+                    p #judged {}
                     (legend(model))
                     p #status.status role="status" {}
                 }

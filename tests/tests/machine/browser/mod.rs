@@ -57,6 +57,8 @@ pub fn tests() -> Vec<Test> {
         test!(async looks::long_names_many_classes_and_large_type_stay_within_the_page),
         test!(async playing::a_controller_is_changed_and_its_address_shows_the_same_again),
         test!(async playing::a_swarm_goes_on_pauses_and_grows),
+        test!(async playing::a_motion_is_scrubbed_without_requests_and_goes_on_from_there),
+        test!(async playing::features_and_names_over_time_lead_to_moments_that_are_marked),
         test!(async playing::a_robot_is_described_and_what_is_wrong_with_it_is_said),
         test!(async playing::what_a_swarm_is_like_is_shown_with_ways_to_see_it),
         test!(async playing::a_search_begins_with_the_controller_that_was_played_with),

@@ -165,6 +165,133 @@ pub async fn a_swarm_goes_on_pauses_and_grows() {
     playground.close().await;
 }
 
+/// Moves the slider of the steps, as a pointer does.
+async fn scrub(window: &Window, step: u32) {
+    let script = format!(
+        "const slider = document.querySelector('#play .scrub'); slider.value = {step}; \
+         slider.dispatchEvent(new Event('input', {{ bubbles: true }}))"
+    );
+    window.driver.execute(script, vec![]).await.unwrap();
+    window
+        .until(&format!("{IS_THERE} && {STEP} === {step} && !{PLAYS}"))
+        .await;
+}
+
+/// Script: the number of pieces that have arrived.
+const PIECES: &str =
+    "performance.getEntriesByType('resource').filter(({ name }) => name.endsWith('/play/motion')).length";
+
+pub async fn a_motion_is_scrubbed_without_requests_and_goes_on_from_there() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    for _ in 0..2 {
+        window.press("+").await;
+    }
+    window.until(&format!("{STEP} > 1500")).await;
+    window.press(" ").await;
+    scrub(window, 700).await;
+    let (drawn, pieces) = (window.value(DRAWN).await, window.value(PIECES).await);
+    scrub(window, 100).await;
+    assert_ne!(window.value(DRAWN).await, drawn);
+    scrub(window, 700).await;
+    assert_eq!(window.value(DRAWN).await, drawn);
+    // The keys ArrowLeft and ArrowRight.
+    for (key, step) in [("\u{e012}", 699), ("\u{e014}", 700)] {
+        window.press(key).await;
+        window.until(&format!("{STEP} === {step}")).await;
+    }
+    assert_eq!(window.value(DRAWN).await, drawn);
+    assert_eq!(
+        window.value(PIECES).await,
+        pieces,
+        "kept pieces are requested again"
+    );
+    window.press(" ").await;
+    window.until(&format!("{STEP} > 2000 && {PLAYS}")).await;
+    // A motion that begins in the middle has its first steps when a person goes there.
+    window.press(" ").await;
+    scrub(window, 1000).await;
+    let drawn = window.value(DRAWN).await;
+    slide(window, 0, "0.9").await;
+    window.until(&format!("{IS_THERE} && {STEP} === 1000")).await;
+    scrub(window, 0).await;
+    slide(window, 0, "0.8").await;
+    window.until(&format!("{IS_THERE} && {STEP} === 0")).await;
+    playground.goto("#step=1000").await;
+    window.driver.refresh().await.unwrap();
+    window
+        .until(&format!("{IS_THERE} && {STEP} === 1000 && !{PLAYS}"))
+        .await;
+    assert_eq!(window.value(DRAWN).await, drawn);
+    playground.close().await;
+}
+
+/// Script: the texts of the table of marked moments, row by row.
+const MARKED: &str = "[...document.querySelectorAll('#marks tr')].map((row) => [...row.cells].map((cell) => cell.textContent.trim()))";
+
+pub async fn features_and_names_over_time_lead_to_moments_that_are_marked() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    let judged = "document.getElementById('judged')?.textContent";
+    window
+        .until(&format!(
+            "{STEP} > 600 && {judged}.startsWith('The judge calls this ')"
+        ))
+        .await;
+    window
+        .until("document.querySelectorAll('#timeline polyline').length === 5")
+        .await;
+    scrub(window, 100).await;
+    window
+        .until(&format!("{judged}.startsWith('Not enough motion yet')"))
+        .await;
+    window.press("m").await;
+    window.click("#timeline svg").await;
+    window.until(&format!("{STEP} > 200 && {STEP} % 40 === 0")).await;
+    let step = window.value(STEP).await.as_u64().unwrap();
+    window.click("#mark").await;
+    let marked = window.value(MARKED).await;
+    assert_eq!(marked[0], json!(["", "Step 100", format!("Step {step}")]));
+    assert_eq!(marked[1][1], json!("no name"));
+    assert_eq!(marked[2][0], json!("average speed"));
+    assert_eq!(
+        marked[7],
+        json!(["Measured at", "step 80", format!("step {step}")])
+    );
+    assert_eq!(marked[8], json!(["Swarm", "this one", "this one"]));
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("play-marks-{width}-{scheme}")).await;
+            looks::check(window, "play-marks").await;
+        }
+    }
+    window.resize(1280, 900, false).await;
+    // The moments of another swarm stay, and lead back to it.
+    window.press("n").await;
+    window
+        .until(&format!(
+            "{QUERY}.seed === '2' && {MARKED}[8][1] === 'two-sensor, 24 robots, seed 1'"
+        ))
+        .await;
+    window.click("#marks .moment").await;
+    window
+        .until(&format!(
+            "{QUERY}.seed === '1' && {IS_THERE} && {STEP} === 100 && !{PLAYS}"
+        ))
+        .await;
+    window.click("#marks [aria-label='Remove step 100']").await;
+    window.until(&format!("{MARKED}[0].length === 2")).await;
+    playground.goto("robots=2").await;
+    window
+        .until(&format!(
+            "{judged} === 'The judge names only the motion of 3 or more robots.'"
+        ))
+        .await;
+    playground.close().await;
+}
+
 pub async fn a_robot_is_described_and_what_is_wrong_with_it_is_said() {
     let playground = Playground::open().await;
     let window = &playground.window;
