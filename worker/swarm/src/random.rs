@@ -51,6 +51,8 @@ pub enum Purpose {
     Resample,
     /// Permutation of the digits of an evenly spread sample, and its shift; the index is the gene's.
     Spread,
+    /// Controllers around the one that a campaign is begun with; the index is 0.
+    Around,
 }
 
 impl Purpose {
@@ -78,6 +80,7 @@ impl Purpose {
             Self::FurtherTrial => "further trial",
             Self::Resample => "resample",
             Self::Spread => "spread",
+            Self::Around => "around",
         }
     }
 }

@@ -18,6 +18,9 @@ pub struct ControllerSpace {
     initial: Vec<Controller>,
 }
 
+/// How far a gene moves at most to a value near it, as a share of the limit of a speed or of the range of an angle.
+const NEAR: f64 = 0.2;
+
 /// The values of one gene of a controller space.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GeneSpace {
@@ -93,6 +96,21 @@ impl ControllerSpace {
         self.controller(&genes)
     }
 
+    /// A controller of the space near `controller`, which is of the space's model and can lie between the points of the grid. One
+    /// gene moves, and each other gene moves with probability one half.
+    pub fn near(&self, controller: &Controller, stream: &mut RandomStream) -> Controller {
+        let certain = stream.below(self.genes.len() as u64) as usize;
+        let near = |(place, (gene, &value)): (usize, (&GeneSpace, &f64))| match place == certain
+            || stream.chance(0.5)
+        {
+            true => gene.near(value, stream),
+            false => gene.nearest(value),
+        };
+        let genes = self.genes.iter().zip(controller.genes());
+        let genes: Vec<_> = genes.enumerate().map(near).collect();
+        self.controller(&genes)
+    }
+
     /// The controller with these genes, all of which are in the space.
     #[expect(clippy::expect_used, reason = "members of the space are valid genes")]
     pub fn controller(&self, genes: &[f64]) -> Controller {
@@ -109,6 +127,49 @@ impl GeneSpace {
             Self::Speed { .. } | Self::Among(_) | Self::Ratio(_) => {
                 self.value(stream.below(self.values().unwrap_or(1)))
             }
+        }
+    }
+
+    /// A uniform sample of the values near `value`: at most [`NEAR`] of the limit or of the range away, or one of the two
+    /// neighbouring angles. Ratios have no order, so all of them are near.
+    fn near(&self, value: f64, stream: &mut RandomStream) -> f64 {
+        match self {
+            Self::Speed { limit, .. } => self.nearest_speed(value / limit + stream.between(-NEAR, NEAR)),
+            &Self::Within([low, high]) => {
+                let moved = value + (high - low) * stream.between(-NEAR, NEAR);
+                moved.clamp(low, high)
+            }
+            Self::Among(angles) => {
+                let mut sorted = angles.clone();
+                sorted.sort_by(f64::total_cmp);
+                let own = self.nearest(value);
+                let place = sorted.iter().position(|angle| *angle == own).unwrap_or(0);
+                let neighbours = [place.checked_sub(1), Some(place + 1)];
+                let neighbours: Vec<f64> = neighbours
+                    .into_iter()
+                    .flatten()
+                    .filter_map(|at| sorted.get(at).copied())
+                    .collect();
+                match neighbours.is_empty() {
+                    true => own,
+                    false => neighbours[stream.below(neighbours.len() as u64) as usize],
+                }
+            }
+            Self::Ratio(_) => self.sample(stream),
+        }
+    }
+
+    /// The value of the space that is nearest to `value`.
+    fn nearest(&self, value: f64) -> f64 {
+        match self {
+            Self::Speed { limit, .. } => self.nearest_speed(value / limit),
+            &Self::Within([low, high]) => value.clamp(low, high),
+            Self::Among(angles) => {
+                let distance = |angle: &f64| (angle - value).abs();
+                let nearest = angles.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                nearest.copied().unwrap_or(value)
+            }
+            Self::Ratio(_) => value,
         }
     }
 
@@ -280,6 +341,26 @@ mod tests {
         assert_eq!(seen, grid);
         assert_eq!(space.genes()[0].nearest_speed(0.26), 0.3);
         assert_eq!(space.genes()[0].nearest_speed(-7.0), -1.0);
+    }
+
+    #[test]
+    fn controllers_near_one_are_in_the_space_and_near() {
+        let space =
+            ControllerSpace::for_model(v1::ControllerSpace::default(), &Preset::TwoSensor.into()).unwrap();
+        // The first gene and the angle lie between the values of the space.
+        let genes = [0.77, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 1.0, 1.5];
+        let controller = Controller::new(space.model(), &genes).unwrap();
+        let mut stream = RandomStream::derive(1, Purpose::Around, 0);
+        for _ in 0..1000 {
+            let near = space.near(&controller, &mut stream);
+            let (speeds, angle) = near.genes().split_at(8);
+            for (speed, of) in speeds.iter().zip(genes) {
+                assert_eq!(*speed, space.genes()[0].nearest_speed(*speed));
+                assert!((speed - of).abs() < 0.26, "{speed} is far from {of}");
+            }
+            let angles = [PI / 3.0, PI / 2.0, 2.0 * PI / 3.0];
+            assert!(angles.contains(&angle[0]), "{angle:?}");
+        }
     }
 
     #[test]

@@ -96,7 +96,7 @@ pub(in super::super) fn address_of(
     let usual = usual.filter(|usual| usual == world);
     let robots = match model.preset().zip(usual) {
         Some((preset, _)) => ("model", preset.to_string()),
-        None => ("robot", spec.to_toml()),
+        None => ("robot", without_initial(spec)?.to_toml()),
     };
     let genes: Vec<String> = controller.genes().iter().map(f64::to_string).collect();
     let parameters = vec![
@@ -110,6 +110,15 @@ pub(in super::super) fn address_of(
     is_shown
         .then(|| serde_urlencoded::to_string(parameters).ok())
         .flatten()
+}
+
+/// The specification without its initial controllers: the address has room for a description of robots, but not for all of them.
+fn without_initial(spec: &CampaignSpec) -> Option<CampaignSpec> {
+    let mut message = v1::CampaignSpec::from(spec);
+    if let Some(controllers) = &mut message.controllers {
+        controllers.initial.clear();
+    }
+    CampaignSpec::try_from(message).ok()
 }
 
 /// The value that was read. After an error, it adds the error to `problems` and returns the default.

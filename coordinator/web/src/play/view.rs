@@ -160,7 +160,7 @@ fn comparison(play: &Play, campaigns: &[Comparable]) -> Markup {
             }
             p.reason {
                 "Search from here starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations with these "
-                "robots, on hand-crafted features. Its first generation begins with this controller."
+                "robots, on hand-crafted features. Half of its first generation is this controller and controllers near it."
             }
             p #compared.status role="status" {}
             div #likes {}

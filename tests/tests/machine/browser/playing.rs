@@ -429,13 +429,16 @@ pub async fn a_search_begins_with_the_controller_that_was_played_with() {
     window.until("location.pathname === '/campaigns/play-2'").await;
     let spec = window.value("document.querySelector('pre').textContent").await;
     let spec = CampaignSpec::from_toml(spec.as_str().unwrap()).unwrap();
-    let first: Vec<_> = spec
+    let initial: Vec<_> = spec
         .controllers()
         .initial()
         .iter()
         .map(Controller::genes)
         .collect();
-    assert_eq!((first, spec.seed()), (vec![&[0.6, 0.35, 0.4, 0.5][..]], 7));
+    assert_eq!(
+        (initial[0], initial.len(), spec.seed()),
+        (&[0.6, 0.35, 0.4, 0.5][..], 50, 7)
+    );
     playground.close().await;
 }
 

@@ -1,7 +1,7 @@
 //! Campaigns that begin with one controller.
 
 use super::CampaignSpec;
-use crate::{Controller, Invalid, World, robot};
+use crate::{Controller, ControllerSpace, Invalid, Purpose, RandomStream, World, robot};
 use murmuration_proto::v1;
 
 /// Name of a campaign that begins with one controller.
@@ -10,13 +10,16 @@ const NAME: &str = "play";
 /// cores, like `examples/quick.toml`.
 const POPULATION: u32 = 100;
 const GENERATIONS: u32 = 30;
+/// Controllers with which the first generation begins: the given one, and others near it. The rest of the generation is sampled
+/// from the whole space, so that the search can also leave the surroundings.
+const INITIAL: u32 = POPULATION / 2;
 
 impl CampaignSpec {
     /// Number of evaluations of a campaign of [`CampaignSpec::begun_with`].
     pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
 
-    /// A small campaign with hand-crafted features, for the robots of `controller` in `world`. The first generation begins with
-    /// `controller`; `seed` is the campaign's seed.
+    /// A small campaign with hand-crafted features, for the robots of `controller` in `world`. Half of the first generation is
+    /// `controller` and controllers near it; `seed` is the campaign's seed.
     ///
     /// # Errors
     /// If the robots do not fit the world, or the search does not fit in memory.
@@ -32,7 +35,7 @@ impl CampaignSpec {
             method: v1::Method::HandCrafted as i32,
             world: Some(world.clone().into()),
             controllers: Some(v1::ControllerSpace {
-                initial: vec![controller.into()],
+                initial: around(controller, seed)?.iter().map(Into::into).collect(),
                 ..v1::ControllerSpace::default()
             }),
             search: Some(v1::Search {
@@ -43,6 +46,20 @@ impl CampaignSpec {
             ..v1::CampaignSpec::default()
         })
     }
+}
+
+/// The controller, and controllers of its space near it, each once. A small space can have fewer than [`INITIAL`].
+fn around(controller: &Controller, seed: u64) -> Result<Vec<Controller>, Invalid> {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), controller.model())?;
+    let mut stream = RandomStream::derive(seed, Purpose::Around, 0);
+    let mut around = vec![controller.clone()];
+    for _ in 0..10 * INITIAL {
+        let near = space.near(controller, &mut stream);
+        if around.len() < INITIAL as usize && !around.contains(&near) {
+            around.push(near);
+        }
+    }
+    Ok(around)
 }
 
 #[cfg(test)]
@@ -67,7 +84,13 @@ mod tests {
                 (&model, &world, 5),
                 "{robots}"
             );
-            assert_eq!(spec.controllers().initial(), [controller]);
+            let initial = spec.controllers().initial();
+            assert_eq!((&initial[0], initial.len()), (&controller, 50), "{robots}");
+            assert!((1..50).all(|place| !initial[..place].contains(&initial[place])));
+            let again = CampaignSpec::begun_with(&controller, &world, 5).unwrap();
+            let other = CampaignSpec::begun_with(&controller, &world, 6).unwrap();
+            assert_eq!(again, spec);
+            assert_ne!(other.controllers().initial(), initial);
             assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
         }
     }
