@@ -68,7 +68,9 @@ export class Endless extends Playback {
     this.status.classList.toggle("wrong", !(error instanceof Unavailable));
   }
 
-  advance(ms) {
+  advance(passed) {
+    // A browser can date the first frame before the click on the button.
+    const ms = Math.max(passed, 0);
     const wanted = (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value);
     const left = this.pieces.reach(this.step) - this.step;
     this.step += Math.min(wanted, left * Math.min(ms / LEFT_MS, 1));
