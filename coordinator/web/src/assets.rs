@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 53] = [
+const ASSETS: [(&str, &str, &str); 54] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -26,6 +26,7 @@ const ASSETS: [(&str, &str, &str); 53] = [
     ("answers.js", SCRIPT, include_str!("assets/answers.js")),
     ("atlas.js", SCRIPT, include_str!("assets/atlas.js")),
     ("endless.js", SCRIPT, include_str!("assets/endless.js")),
+    ("around.js", SCRIPT, include_str!("assets/around.js")),
     ("ask.js", SCRIPT, include_str!("assets/ask.js")),
     ("base.js", SCRIPT, include_str!("assets/base.js")),
     ("campaigns.js", SCRIPT, include_str!("assets/campaigns.js")),

@@ -1,4 +1,5 @@
 // The page Play: a person sets a controller, and watches the swarm.
+import { Around } from "./around.js";
 import { base } from "./base.js";
 import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
@@ -91,6 +92,7 @@ function playground() {
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
   const comparison = new Comparison(() => state.query());
+  const around = new Around(at("around"), () => state.query());
   // The motion changes while a person changes a control; the address changes at the end of the change.
   const changed = (step) => {
     complain();
@@ -103,6 +105,7 @@ function playground() {
     told = `?${state.query()}`;
     history.pushState(null, "", told);
     marks.tell();
+    around.settled();
   };
   const seen = () => {
     const robots = endless.piece?.robots ?? 1;

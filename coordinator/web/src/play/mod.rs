@@ -5,6 +5,7 @@
 
 mod address;
 mod archived;
+mod around;
 mod compare;
 mod knobs;
 mod motion;
@@ -13,6 +14,7 @@ mod view;
 
 pub(super) use address::address_of;
 pub(super) use archived::pieces;
+pub(super) use around::around;
 pub(super) use compare::like;
 pub(super) use view::SwarmView;
 

@@ -71,7 +71,7 @@ pub(super) struct Piece {
 
 /// A swarm with its recent past.
 #[derive(Debug)]
-struct Watched {
+pub(super) struct Watched {
     swarm: Swarm,
     past: Moments,
 }
@@ -99,7 +99,7 @@ impl Default for Kept {
 }
 
 impl Watched {
-    fn new(play: &Play) -> Result<Self, Invalid> {
+    pub(super) fn new(play: &Play) -> Result<Self, Invalid> {
         let swarm = Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed))?;
         let mut past = Moments::new(&play.world);
         past.observe(&swarm);
@@ -112,7 +112,7 @@ impl Watched {
     }
 
     /// Advances to the step `steps`; returns false if the time was too short.
-    fn advance(&mut self, steps: u32, is_time: impl Fn() -> bool) -> bool {
+    pub(super) fn advance(&mut self, steps: u32, is_time: impl Fn() -> bool) -> bool {
         // One step of many robots among obstacles can take a large part of a second.
         let patience = match self.swarm.agents().len() as u32 {
             0..=EVERY_STEP => PATIENCE_STEPS,
@@ -129,10 +129,19 @@ impl Watched {
         true
     }
 
+    pub(super) fn agents(&self) -> impl Iterator<Item = Agent> {
+        self.swarm.agents()
+    }
+
+    /// The judge's name of the last steps; `None` if the motion is too short or has too few robots.
+    pub(super) fn verdict(&self) -> Option<Verdict> {
+        self.past.verdict()
+    }
+
     fn moment(&self) -> Moment {
         Moment {
             step: self.swarm.steps(),
-            verdict: self.past.verdict(),
+            verdict: self.verdict(),
             features: self.past.features(),
         }
     }

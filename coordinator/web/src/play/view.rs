@@ -38,6 +38,15 @@ pub(super) fn page(address: &Address, campaigns: &[Comparable], visitor: &Visito
         @if let Ok(play) = &address.play {
             (playground(address, play))
             (timeline::section())
+            details #around.around.scripted {
+                summary { "Controllers around this one" }
+                p.reason {
+                    "Each controller differs from this one in one gene, by one step. The pictures show the paths of the last steps of a "
+                    "whole run, with what the judge calls it."
+                }
+                p.status role="status" {}
+                div.found-around {}
+            }
             (comparison(play, campaigns))
         }
     };

@@ -59,6 +59,7 @@ pub fn tests() -> Vec<Test> {
         test!(async playing::a_swarm_goes_on_pauses_and_grows),
         test!(async playing::a_motion_is_scrubbed_without_requests_and_goes_on_from_there),
         test!(async playing::features_and_names_over_time_lead_to_moments_that_are_marked),
+        test!(async playing::controllers_around_one_are_drawn_named_and_led_to),
         test!(async playing::a_robot_is_described_and_what_is_wrong_with_it_is_said),
         test!(async playing::what_a_swarm_is_like_is_shown_with_ways_to_see_it),
         test!(async playing::a_search_begins_with_the_controller_that_was_played_with),

@@ -292,6 +292,45 @@ pub async fn features_and_names_over_time_lead_to_moments_that_are_marked() {
     playground.close().await;
 }
 
+pub async fn controllers_around_one_are_drawn_named_and_led_to() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    const AROUND: &str = "document.querySelectorAll('#around li').length";
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            playground
+                .goto("model=single-sensor&genes=0.6,1,0.4,0.5&seed=3")
+                .await;
+            window.until(&format!("{STEP} > 20")).await;
+            window.click("#around summary").await;
+            window.until(&format!("{AROUND} === 7")).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("play-around-{width}-{scheme}")).await;
+            looks::check(window, "play-around").await;
+        }
+    }
+    window.resize(1280, 900, false).await;
+    let drawn = "[...document.querySelectorAll('#around svg')].every((svg) => svg.querySelectorAll('path').length === 24)";
+    assert_eq!(window.value(drawn).await, json!(true));
+    // Another controller has others around it.
+    slide(window, 1, "0.5").await;
+    window.until(&format!("{AROUND} === 8")).await;
+    window.click("#around a").await;
+    window
+        .until(&format!(
+            "{QUERY}.genes === '0.5,0.5,0.4,0.5' && {QUERY}.seed === '3' && {STEP} > 20"
+        ))
+        .await;
+    playground.goto("robots=100").await;
+    window.until(&format!("{STEP} > 20")).await;
+    window.click("#around summary").await;
+    window
+        .until("document.querySelector('#around .status').textContent.includes('must be at most 64')")
+        .await;
+    playground.close().await;
+}
+
 pub async fn a_robot_is_described_and_what_is_wrong_with_it_is_said() {
     let playground = Playground::open().await;
     let window = &playground.window;

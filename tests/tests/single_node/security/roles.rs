@@ -71,6 +71,7 @@ async fn strangers_get_the_log_in_and_health_alone_and_viewers_change_nothing() 
     // These actions change nothing. They are POST requests only because a POST request must come from our own pages.
     let change_nothing = [
         "POST /play/motion",
+        "POST /play/around",
         "POST /play/like",
         "POST /campaigns/{id}/pieces",
     ];
