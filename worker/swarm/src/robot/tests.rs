@@ -348,3 +348,22 @@ fn one_kind_of_things_to_see_needs_no_list() {
             .contains("what the sensor sees, such as \"robots\"")
     );
 }
+
+#[test]
+fn an_angle_in_degrees_is_told_in_radians() {
+    let message = |sensor: &str| {
+        let text = format!("method = \"random\"\nrobot.sensors = [{{ {sensor} }}]");
+        crate::CampaignSpec::from_toml(&text).unwrap_err().to_string()
+    };
+    for (field, limits) in [
+        ("angle", "-6.283185307179586 to 6.283185307179586"),
+        ("half_angle", "0 to 3.141592653589793"),
+    ] {
+        assert_eq!(
+            message(&format!("{field} = 45")),
+            format!(
+                "robot.sensors[0].{field} = 45: must be a number from {limits}, in radians: 45 degrees are 0.7854"
+            )
+        );
+    }
+}

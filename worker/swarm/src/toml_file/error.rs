@@ -220,18 +220,20 @@ fn without_places(section: &str) -> String {
     })
 }
 
-/// Names that other simulators give to fields, and those fields.
-const ELSEWHERE: [(&str, &str); 9] = [
-    ("fov", "half_angle"),
-    ("field_of_view", "half_angle"),
-    ("view_angle", "half_angle"),
-    ("cone", "half_angle"),
-    ("bearing", "angle"),
-    ("direction", "angle"),
-    ("distance", "range"),
-    ("max_range", "range"),
-    ("detects", "sees"),
+/// Names that other simulators give to fields, those fields, and how the values differ.
+const ELSEWHERE: [(&str, &str, &str); 9] = [
+    ("fov", "half_angle", HALF),
+    ("field_of_view", "half_angle", HALF),
+    ("view_angle", "half_angle", HALF),
+    ("cone", "half_angle", HALF),
+    ("bearing", "angle", ", in radians from straight ahead"),
+    ("direction", "angle", ", in radians from straight ahead"),
+    ("distance", "range", ""),
+    ("max_range", "range", ""),
+    ("detects", "sees", ""),
 ];
+
+const HALF: &str = ", half of the field of view, in radians";
 
 /// The section where a misplaced field belongs, or the field that may have been meant.
 fn meant(name: &str, inner: &[String], known: &[&str]) -> Option<String> {
@@ -246,9 +248,9 @@ fn meant(name: &str, inner: &[String], known: &[&str]) -> Option<String> {
     }
     let elsewhere = ELSEWHERE
         .iter()
-        .find(|(other, meant)| *other == name && known.contains(meant));
-    if let Some((_, meant)) = elsewhere {
-        return Some(format!("here it is `{meant}`."));
+        .find(|(other, meant, _)| *other == name && known.contains(meant));
+    if let Some((_, meant, how)) = elsewhere {
+        return Some(format!("here it is `{meant}`{how}."));
     }
     if let Some(meant) = near(&mut known.iter().copied()) {
         return Some(format!("did you mean `{meant}`?"));

@@ -125,7 +125,11 @@ fn an_unknown_field_is_told_what_may_have_been_meant() {
     check("sed = 1", "unknown field `sed`: did you mean `seed`?");
     check(
         "[robot]\nsensors = [{ fov = 0.4 }]",
-        "in [robot.sensors]: here it is `half_angle`.",
+        "in [robot.sensors]: here it is `half_angle`, half of the field of view, in radians.",
+    );
+    check(
+        "[robot]\nsensors = [{ detects = [\"robots\"] }]",
+        "in [robot.sensors]: here it is `sees`.",
     );
     check(
         "[search]\npopluation = 5",
