@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 54] = [
+const ASSETS: [(&str, &str, &str); 56] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -60,6 +60,8 @@ const ASSETS: [(&str, &str, &str); 54] = [
     ("progress.js", SCRIPT, include_str!("assets/progress.js")),
     ("queue.js", SCRIPT, include_str!("assets/queue.js")),
     ("rejudge.js", SCRIPT, include_str!("assets/rejudge.js")),
+    ("roboteditor.css", CSS, include_str!("assets/roboteditor.css")),
+    ("roboteditor.js", SCRIPT, include_str!("assets/roboteditor.js")),
     ("sheet.js", SCRIPT, include_str!("assets/sheet.js")),
     ("sidebyside.js", SCRIPT, include_str!("assets/sidebyside.js")),
     ("sketch.js", SCRIPT, include_str!("assets/sketch.js")),

@@ -169,6 +169,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                     link rel="stylesheet" href="/assets/tables.css";
                     link rel="stylesheet" href="/assets/study.css";
                 }
+                @if scripts.contains(&"roboteditor.js") { link rel="stylesheet" href="/assets/roboteditor.css"; }
                 noscript { link rel="stylesheet" href="/assets/noscript.css"; }
                 @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
             }

@@ -1,4 +1,4 @@
-// The page for a new campaign: shows the cost, or the error, while the form is edited.
+// The page for a new campaign: shows the cost, or all errors, while the form is edited.
 const PAUSE_MS = 300;
 
 const form = document.getElementById("new");
@@ -16,26 +16,38 @@ async function look() {
     const fresh = document.createElement("div");
     fresh.innerHTML = await response.text();
     if (mine !== asked) return;
-    document.getElementById("outcome").replaceChildren(...fresh.querySelector("#outcome").childNodes);
+    const outcome = document.getElementById("outcome");
+    outcome.dataset.defaults = fresh.querySelector("#outcome").dataset.defaults ?? "{}";
+    outcome.replaceChildren(...fresh.querySelector("#outcome").childNodes);
     mark();
   } catch {
     // The coordinator does not respond now. If a person submits the form, the browser shows this.
   }
 }
 
-// Marks the wrong field.
+// Marks all wrong fields, and shows the defaults of the empty ones.
 function mark() {
-  const wrong = document.querySelector("#outcome .error")?.dataset.field;
-  for (const field of form.querySelectorAll(".field input, .field select")) {
-    const is = Boolean(wrong) && (field.name === wrong || field.name.endsWith(`.${wrong}`));
-    if (is) field.setAttribute("aria-invalid", "true");
+  const defaults = JSON.parse(document.getElementById("outcome").dataset.defaults ?? "{}");
+  const errors = [...document.querySelectorAll("#outcome .error[data-field]")];
+  for (const field of form.querySelectorAll("[aria-describedby^=about-]")) {
+    const own = errors.filter((error) => error.dataset.field === field.id);
+    if (own.length > 0) field.setAttribute("aria-invalid", "true");
     else field.removeAttribute("aria-invalid");
+    if (defaults[field.name]) field.placeholder = defaults[field.name];
+    const place = document.getElementById(field.getAttribute("aria-describedby")).querySelector(".error");
+    const label = field.name === "robots" ? "" : `${field.labels[0].textContent} `;
+    const told = own.map((error) => {
+      const line = document.createElement("span");
+      line.textContent = label + error.dataset.brief;
+      return line;
+    });
+    place.replaceChildren(...told);
   }
 }
 
-// Selects the wrong line of a file.
+// Selects the first wrong line of a file.
 function select() {
-  const line = Number(document.querySelector("#outcome .error")?.dataset.line);
+  const line = Number(document.querySelector("#outcome .error[data-line]")?.dataset.line);
   if (!text || !line) return;
   const lines = text.value.split("\n");
   const from = lines.slice(0, line - 1).reduce((sum, before) => sum + before.length + 1, 0);
@@ -43,9 +55,21 @@ function select() {
   text.setSelectionRange(from, from + (lines[line - 1]?.length ?? 0));
 }
 
+// A link to a field in a folded section unfolds the section.
+document.addEventListener("click", ({ target }) => {
+  const field = document.getElementById(target.closest("a[href^='#']")?.hash.slice(1) ?? "");
+  for (let folded = field?.closest("details"); folded; folded = folded.parentElement.closest("details")) folded.open = true;
+});
+// A person who writes own robots means them, not a preset.
+document.getElementById("robot")?.addEventListener("input", ({ target }) => {
+  if (target.value.trim()) form.elements.model.value = "";
+});
 form.addEventListener("input", () => {
   clearTimeout(waiting);
   waiting = setTimeout(look, PAUSE_MS);
+});
+document.getElementById("model")?.addEventListener("change", ({ target }) => {
+  if (!target.value) document.querySelector(".own-robots").open = true;
 });
 document.getElementById("file")?.addEventListener("change", async ({ target }) => {
   const [file] = target.files;

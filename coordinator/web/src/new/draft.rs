@@ -1,18 +1,27 @@
 //! A draft of a campaign: the content of the form, and the errors in it.
 
 use super::{
-    super::page_error::PageError,
+    super::{page_error::PageError, play::robots_text},
     Parameters,
-    fields::{Kind, fields},
+    fields::{Field, Kind, fields},
     given,
+    problems::{self, Problem, without_empty},
 };
-use murmuration_swarm::{
-    BehaviourSpace, CampaignSpec, Invalid, Method, SpecFileError, line_of_field, text::quoted,
-};
-use toml::Table;
+use murmuration_swarm::{BehaviourSpace, CampaignSpec, Invalid, Method, text::quoted};
+use std::collections::BTreeMap;
+use toml::{Table, Value};
+
+/// The robots of the initial form.
+pub(super) const USUAL_ROBOTS: &str = "single-sensor";
+
+/// The parts of a campaign file that describe the robots.
+pub(super) const OWN_ROBOTS: [&str; 3] = ["ratios", "robot", "species"];
+
+/// The name of the text with the robots in the form.
+pub(super) const ROBOTS: &str = "robots";
 
 /// The examples: name, description, and campaign file of each example.
-pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
+pub(super) const EXAMPLES: [(&str, &str, &str); 8] = [
     (
         "quick-latent",
         "A small campaign on a learned embedding",
@@ -43,32 +52,43 @@ pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
         "Two sensors, hand-crafted features",
         include_str!("../../../../examples/two-sensor.toml"),
     ),
+    (
+        "three-sensors",
+        "An own robot: a ray, a camera with a cone that turns, and a feeler for walls",
+        include_str!("../../../../examples/three-sensors.toml"),
+    ),
+    (
+        "two-species",
+        "Two species in one arena, and the number of robots of each is searched too",
+        include_str!("../../../../examples/two-species.toml"),
+    ),
 ];
 
 /// A campaign as a person describes it.
 pub(super) enum Draft {
-    /// The fields of the form, with the parts of a file that have no field in the form.
-    Fields(Table),
+    /// The content of the form.
+    Fields(Filled),
     /// The text of a campaign file.
     File(String),
 }
 
-/// An error in a draft.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Problem {
-    /// The path of the wrong field in a campaign file; empty if unknown.
-    pub(super) field: String,
-    /// The number of the wrong line of the file, from 1.
-    pub(super) line: Option<usize>,
-    pub(super) text: String,
+/// The content of the form.
+pub(super) struct Filled {
+    /// The fields of the form, with the parts of a file that have no field in the form.
+    pub(super) table: Table,
+    /// The text that describes own robots; empty for a preset. The text is kept as it was written.
+    pub(super) robots: String,
 }
 
 impl Draft {
     /// The initial draft of the form.
     pub(super) fn usual() -> Self {
-        let [model, method] = [("model", "single-sensor"), ("method", Method::Latent.name())]
+        let [model, method] = [("model", USUAL_ROBOTS), ("method", Method::Latent.name())]
             .map(|(name, value)| (name.to_owned(), value.into()));
-        Self::Fields(Table::from_iter([model, method]))
+        Self::Fields(Filled {
+            table: Table::from_iter([model, method]),
+            robots: String::new(),
+        })
     }
 
     pub(super) fn copy(spec: &CampaignSpec) -> Self {
@@ -84,33 +104,50 @@ impl Draft {
         Ok(Self::File((*text).to_owned()).into_fields())
     }
 
+    /// A draft with the robots of a text, which the page Play describes.
+    pub(super) fn with_robots(text: &str) -> Self {
+        let method = || ("method".to_owned(), Method::Latent.name().into());
+        let Ok(table) = text.parse::<Table>() else {
+            return Self::Fields(Filled {
+                table: Table::from_iter([method()]),
+                robots: text.to_owned(),
+            });
+        };
+        let is_only_robots = table.keys().all(|name| OWN_ROBOTS.contains(&name.as_str()));
+        let mut filled = Filled::of(table);
+        if is_only_robots {
+            // The text can have comments.
+            text.clone_into(&mut filled.robots);
+        }
+        filled.table.entry("method").or_insert_with(|| method().1);
+        Self::Fields(filled)
+    }
+
     /// The submitted draft.
     pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
+        // Browsers send text with the line ends of Windows.
+        let text_of = |name| given(parameters, name).replace("\r\n", "\n");
         if parameters.iter().any(|(name, _)| name == "text") {
-            // Browsers send text with the line ends of Windows.
-            return Ok(Self::File(given(parameters, "text").replace("\r\n", "\n")));
+            return Ok(Self::File(text_of("text")));
         }
         let rest = given(parameters, "rest");
         let mut table: Table = rest
             .parse()
             .map_err(|_| Invalid::new("rest", quoted(rest), "the unchanged text of the page"))?;
         for field in fields() {
-            let text = given(parameters, &field.path());
-            if field.kind == Kind::Model && !text.is_empty() {
-                for others in ["robot", "species", "ratios"] {
-                    table.remove(others);
-                }
-            }
-            field.put(&mut table, text);
+            field.put(&mut table, given(parameters, &field.path()));
         }
-        Ok(Self::Fields(suited(table)))
+        Ok(Self::Fields(Filled {
+            table: suited(table),
+            robots: text_of(ROBOTS),
+        }))
     }
 
     /// This draft as fields, if its text is valid TOML.
     pub(super) fn into_fields(self) -> Self {
         match self {
             Self::File(text) => match text.parse() {
-                Ok(table) => Self::Fields(table),
+                Ok(table) => Self::Fields(Filled::of(table)),
                 Err(_) => Self::File(text),
             },
             fields @ Self::Fields(_) => fields,
@@ -119,45 +156,153 @@ impl Draft {
 
     pub(super) fn into_file(self) -> Self {
         match self {
-            Self::Fields(table) => Self::File(without_empty(table).to_string()),
+            Self::Fields(filled) => Self::File(filled.into_text()),
             file @ Self::File(_) => file,
         }
     }
 
-    /// The specification, or the error in the draft.
-    pub(super) fn checked(&self) -> Result<CampaignSpec, Problem> {
+    /// The specification, or all errors in the draft.
+    pub(super) fn checked(&self) -> Result<CampaignSpec, Vec<Problem>> {
         match self {
-            Self::Fields(table) => {
-                let read = CampaignSpec::from_table(without_empty(table.clone()));
-                read.map_err(|error| Problem::of(&error, ""))
-            }
-            Self::File(text) => CampaignSpec::from_toml(text).map_err(|error| Problem::of(&error, text)),
+            Self::Fields(filled) => filled.checked().map_err(|(problems, _)| problems),
+            Self::File(text) => CampaignSpec::from_toml(text).map_err(|first| {
+                let table = text.parse::<Table>().ok();
+                let others = table.and_then(|table| problems::read(&table).err());
+                problems::in_text(text, &first, others.map_or_else(Vec::new, |(others, _)| others))
+            }),
         }
     }
 }
 
-impl Problem {
-    /// Describes an error, with the number of its line if `text` is the campaign file.
-    fn of(error: &SpecFileError, text: &str) -> Self {
-        match error {
-            SpecFileError::Value(invalid) => Self {
-                field: invalid.field.clone(),
-                line: line_of_field(text, &invalid.field),
-                text: invalid.to_string(),
-            },
-            SpecFileError::Syntax(error) => Self {
-                field: error.field().to_owned(),
-                line: error.line(),
-                text: error.to_string(),
-            },
+impl Filled {
+    fn of(mut table: Table) -> Self {
+        let mut own = Table::new();
+        for name in OWN_ROBOTS {
+            own.extend(table.remove(name).map(|value| (name.to_owned(), value)));
+        }
+        Self {
+            table,
+            robots: robots_text(&own),
         }
     }
 
-    /// Whether the error is about a field of the form.
-    pub(super) fn is_about(&self, path: &str) -> bool {
-        let last = |path: &str| path.rsplit('.').next().map(str::to_owned);
-        self.field == path || (!self.field.contains('.') && Some(&self.field) == last(path).as_ref())
+    /// The text of a campaign file. The robots stay as they were written.
+    fn into_text(self) -> String {
+        let (tables, values): (Table, Table) = without_empty(self.table)
+            .into_iter()
+            .partition(|(_, value)| has_tables(value));
+        let parts = [values.to_string(), self.robots, tables.to_string()];
+        let parts = parts.iter().map(|part| part.trim_end());
+        let parts: Vec<_> = parts.filter(|part| !part.is_empty()).collect();
+        parts.join("\n\n") + "\n"
     }
+
+    /// The specification, or all errors, and the table without the wrong fields.
+    fn checked(&self) -> Result<CampaignSpec, (Vec<Problem>, Table)> {
+        let mut table = self.table.clone();
+        let mut problems = self.wrong_robots();
+        match self.robots.parse::<Table>() {
+            Ok(own) if problems.is_empty() => table.extend(own),
+            _ => drop(table.insert("model".to_owned(), USUAL_ROBOTS.into())),
+        }
+        match problems::read(&table) {
+            Ok(spec) if problems.is_empty() => Ok(spec),
+            Ok(_) => Err((problems, table)),
+            Err((others, rest)) => {
+                problems.extend(others);
+                Err((problems, rest))
+            }
+        }
+    }
+
+    /// The errors in the text that describes the robots.
+    fn wrong_robots(&self) -> Vec<Problem> {
+        if self.robots.trim().is_empty() {
+            return Vec::new();
+        }
+        let of = |invalid: Invalid| vec![Problem::from(&invalid)];
+        if let Some(model) = self.table.get("model") {
+            let allowed = "empty, or Robots must be \"described below\"";
+            return of(Invalid::new(ROBOTS, format!("a text, beside {model}"), allowed));
+        }
+        if let Err(first) = CampaignSpec::robots_from_toml(&self.robots) {
+            let table = self.robots.parse::<Table>().ok();
+            let others = table.and_then(|mut table| {
+                table.insert("method".to_owned(), Method::Random.name().into());
+                problems::read(&table).err()
+            });
+            return problems::in_text(
+                &self.robots,
+                &first,
+                others.map_or_else(Vec::new, |(others, _)| others),
+            );
+        }
+        let table = self.robots.parse::<Table>().unwrap_or_default();
+        match table.keys().find(|name| !OWN_ROBOTS.contains(&name.as_str())) {
+            Some(other) => {
+                let allowed =
+                    "only [robot], or [[species]] and ratios: the other fields of the form describe the rest";
+                of(Invalid::new(ROBOTS, quoted(other), allowed))
+            }
+            None => Vec::new(),
+        }
+    }
+
+    /// The defaults of the fields of the form, as text, by their paths.
+    ///
+    /// The default of an empty field is the value that the campaign has: it can depend on other fields. The default of a field
+    /// with a value is the value in a campaign whose other fields have their defaults too.
+    pub(super) fn defaults(&self) -> BTreeMap<String, String> {
+        let is_choice = |field: &Field| matches!(field.kind, Kind::Model | Kind::Method);
+        let mut bare = Self {
+            table: self.table.clone(),
+            robots: self.robots.clone(),
+        };
+        for field in fields().filter(|field| !is_choice(field)) {
+            field.put(&mut bare.table, "");
+        }
+        let usual = match Self::usual_fields() {
+            Some(spec) => table_of(&spec),
+            None => Table::new(),
+        };
+        let [own, bare] = [self, &bare]
+            .map(Self::nearest)
+            .map(|spec| spec.as_ref().map(table_of));
+        let of = |field: &Field| {
+            let known = if field.value(&self.table).is_empty() {
+                &own
+            } else {
+                &bare
+            };
+            let known = known.as_ref().map(|table| field.value(table));
+            let known = known.filter(|value| !value.is_empty());
+            (field.path(), known.unwrap_or_else(|| field.value(&usual)))
+        };
+        fields().filter(|field| !is_choice(field)).map(of).collect()
+    }
+
+    fn usual_fields() -> Option<CampaignSpec> {
+        Draft::usual().checked().ok()
+    }
+
+    /// The campaign without the wrong fields.
+    fn nearest(&self) -> Option<CampaignSpec> {
+        match self.checked() {
+            Ok(spec) => Some(spec),
+            Err((_, rest)) => CampaignSpec::from_table(without_empty(rest)).ok(),
+        }
+    }
+}
+
+/// Whether a value stands below a head of its own in a file, so that no field of the top can follow.
+fn has_tables(value: &Value) -> bool {
+    let items = value.as_array();
+    value.is_table() || items.is_some_and(|items| items.iter().any(Value::is_table))
+}
+
+/// A specification with all its fields.
+fn table_of(spec: &CampaignSpec) -> Table {
+    spec.to_toml().parse().unwrap_or_default()
 }
 
 /// Removes the fields that the method does not use, because the form shows the fields of all methods.
@@ -179,12 +324,6 @@ fn suited(mut table: Table) -> Table {
             table.remove(unused);
         }
     }
-    table
-}
-
-/// Removes empty tables.
-fn without_empty(mut table: Table) -> Table {
-    table.retain(|_, value| value.as_table().is_none_or(|inner| !inner.is_empty()));
     table
 }
 
@@ -211,7 +350,7 @@ mod tests {
     #[test]
     fn the_fields_of_the_form_and_the_rest_make_a_campaign() {
         let draft = Draft::of_form(&form(&[
-            ("rest", "[world]\nwidth = 700.0\n[robot]\nsensors = [{}]\n"),
+            ("rest", "[world]\nwidth = 700.0\n"),
             ("model", "two-sensor"),
             ("method", "hand-crafted"),
             ("search.population", "1_000"),
@@ -223,20 +362,124 @@ mod tests {
         assert_eq!(spec.embedder(), None);
     }
 
+    const CAMERA: &str = "# a camera\r\n[robot]\r\nsensors = [{ half_angle = 0.2, range = 120.0 }]\r\n";
+
+    #[test]
+    fn own_robots_stay_as_they_were_written() {
+        let draft = || {
+            let fields = [
+                ("method", "random"),
+                ("search.population", "7"),
+                ("robots", CAMERA),
+            ];
+            Draft::of_form(&form(&fields)).unwrap()
+        };
+        let spec = draft().checked().unwrap();
+        assert_eq!(spec.model().preset(), None);
+        let Draft::File(text) = draft().into_file() else {
+            unreachable!()
+        };
+        assert_eq!(
+            text,
+            "method = \"random\"\n\n# a camera\n[robot]\nsensors = [{ half_angle = 0.2, range = 120.0 }]\n\n[search]\npopulation = 7\n"
+        );
+        assert_eq!(CampaignSpec::from_toml(&text).unwrap(), spec);
+        let Draft::Fields(filled) = Draft::with_robots(CAMERA) else {
+            unreachable!()
+        };
+        assert_eq!(filled.robots, CAMERA);
+        let Draft::Fields(filled) = Draft::with_robots("[world]\nwidth = 700\n[robot]\nsensors = [{}]\n")
+        else {
+            unreachable!()
+        };
+        assert_eq!(filled.robots, "[robot]\nsensors = [\n  {},\n]\n");
+        assert!(filled.table.contains_key("world"));
+    }
+
+    #[test]
+    fn wrong_robots_hide_no_other_error() {
+        let problems =
+            |fields: &[(&str, &str)]| Draft::of_form(&form(fields)).unwrap().checked().unwrap_err();
+        let found = problems(&[
+            ("method", "random"),
+            ("search.population", "-4"),
+            ("world.agents", "abc"),
+            (
+                "robots",
+                "[robot]\nsensors = [\n  { angle = 45 },\n  { fov = 2 },\n]\n",
+            ),
+        ]);
+        let places: Vec<_> = found
+            .iter()
+            .map(|problem| (problem.field.as_str(), problem.line))
+            .collect();
+        assert_eq!(
+            places,
+            [
+                ("robot.sensors[0].angle", Some(3)),
+                ("robot.sensors[1].fov", Some(4)),
+                ("search.population", None),
+                ("world.agents", None),
+            ]
+        );
+        let found = problems(&[("method", "random"), ("model", "two-sensor"), ("robots", CAMERA)]);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].is_about(ROBOTS), "{found:?}");
+        let found = problems(&[
+            ("method", "random"),
+            ("robots", "seed = 2\n[robot]\nsensors = [{}]\n"),
+        ]);
+        assert!(found[0].brief().contains("not \"seed\""), "{found:?}");
+    }
+
+    #[test]
+    fn an_empty_field_has_the_default_of_the_campaign() {
+        let Draft::Fields(mut filled) = Draft::usual() else {
+            unreachable!()
+        };
+        let defaults = filled.defaults();
+        for (path, value) in [
+            ("name", "single-sensor"),
+            ("seed", "1"),
+            ("world.agents", "24"),
+            ("search.population", "100"),
+            ("taxonomy.medoids", "12"),
+        ] {
+            assert_eq!(defaults[path], value, "{path}");
+        }
+        filled.table.insert("model".to_owned(), "two-sensor".into());
+        filled.table.insert("seed".to_owned(), "x".into());
+        let defaults = filled.defaults();
+        assert_eq!(
+            (defaults["taxonomy.medoids"].as_str(), defaults["seed"].as_str()),
+            ("16", "1")
+        );
+        assert!(
+            defaults.values().all(|value| !value.is_empty() && value != "x"),
+            "{defaults:?}"
+        );
+    }
+
     #[test]
     fn what_is_wrong_is_said_with_its_field_and_line() {
         let of = |text: &str| Draft::File(text.to_owned()).checked().unwrap_err();
-        let wrong = of("model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = 0\n");
-        assert!(
-            wrong.is_about("search.population") && wrong.line == Some(4),
-            "{wrong:?}"
-        );
-        let wrong = of("model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = \"x\"\n");
-        assert!(
-            wrong.is_about("search.population") && wrong.line == Some(4),
-            "{wrong:?}"
-        );
-        assert_eq!(of("model = ").line, Some(1));
+        for value in ["0", "\"x\""] {
+            let wrong = of(&format!(
+                "model = \"single-sensor\"\nmethod = \"random\"\n[world]\nagents = 0\n[search]\npopulation = {value}\n"
+            ));
+            let [agents, population] = &wrong[..] else {
+                panic!("{wrong:?}")
+            };
+            assert!(
+                agents.is_about("world.agents") && agents.line == Some(4),
+                "{wrong:?}"
+            );
+            assert!(
+                population.is_about("search.population") && population.line == Some(6),
+                "{wrong:?}"
+            );
+        }
+        assert_eq!(of("model = ")[0].line, Some(1));
         let wrong = Draft::of_form(&form(&[("method", "random"), ("seed", "-1")]));
         assert!(wrong.unwrap().checked().is_err());
     }

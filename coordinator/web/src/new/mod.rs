@@ -4,6 +4,7 @@
 mod draft;
 mod every_field;
 mod fields;
+mod problems;
 mod view;
 
 use super::{
@@ -35,17 +36,18 @@ fn given<'a>(parameters: &'a Parameters, name: &str) -> &'a str {
     found.map_or("", |(_, value)| value)
 }
 
-/// The page with the initial draft, with an example, or with another campaign's specification.
+/// The page with the initial draft, with an example, with described robots, or with another campaign's specification.
 pub(super) async fn page(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
     visitor: Visitor,
 ) -> Result<Response, PageError> {
-    let from = given(&parameters, "from");
-    let draft = match (from, given(&parameters, "example")) {
-        ("", "") => Draft::usual(),
-        ("", example) => Draft::example(example)?,
-        (id, _) => Draft::copy(&web.campaigns.status(id).await?.record.spec),
+    let names = ["from", "example", "robot"];
+    let draft = match names.map(|name| given(&parameters, name)) {
+        ["", "", ""] => Draft::usual(),
+        ["", "", robots] => Draft::with_robots(robots),
+        ["", example, _] => Draft::example(example)?,
+        [id, ..] => Draft::copy(&web.campaigns.status(id).await?.record.spec),
     };
     let draft = match given(&parameters, "as") {
         "file" => draft.into_file(),

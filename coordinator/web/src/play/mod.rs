@@ -10,12 +10,14 @@ mod compare;
 mod knobs;
 mod motion;
 mod timeline;
+pub(super) mod robot_editor;
 mod view;
 
 pub(super) use address::address_of;
 pub(super) use archived::pieces;
 pub(super) use around::around;
 pub(super) use compare::like;
+pub(super) use robot_editor::robots_text;
 pub(super) use view::SwarmView;
 
 use super::{

@@ -155,7 +155,8 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window.resize(1280, 900, false).await;
     window.picture("new-every-field-1280").await;
     check(&window, "new").await;
-    // The page updates the costs when a field changes.
+    // The page updates the costs when a field changes. The sections after the first are folded at first.
+    window.click(".group:nth-of-type(2) > summary").await;
     window.click("[name='search.population']").await;
     window.press("7").await;
     window
@@ -166,6 +167,29 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window
         .until("document.querySelector('[aria-invalid]')?.name === 'search.generations'")
         .await;
+    // All errors are shown at once, with limits; a submitted form opens their sections.
+    window.click("[name='world.agents']").await;
+    window.press("-4").await;
+    let marked = "[...document.querySelectorAll('[aria-invalid]')].map((field) => field.name).join()";
+    let both = format!("{marked} === 'world.agents,search.generations'");
+    window.until(&both).await;
+    window.click("[value=start]").await;
+    window
+        .until(&format!("document.querySelector('[role=alert]') && {both}"))
+        .await;
+    let told = window.text("[role=alert]").await;
+    assert!(
+        told.contains("2 errors")
+            && told.contains("Number of robots must be a whole number from 1 to 10000, not -4")
+            && told.contains("Generations must be a whole number from 1 to"),
+        "{told}"
+    );
+    window.picture("new-wrong-1280").await;
+    check(&window, "new").await;
+    window.resize(390, 844, false).await;
+    window.picture("new-wrong-390").await;
+    check(&window, "new").await;
+    window.resize(1280, 900, false).await;
     // For an error in a campaign file, the page gives the line and selects it.
     window.driver.goto(format!("{page}?as=file")).await.unwrap();
     let text = "const text = document.getElementById('text'); text.value = 'model = \"single-sensor\"\\nmethod = \"random\"\\nseeed = 1\\n'";
