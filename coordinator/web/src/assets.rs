@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 56] = [
+const ASSETS: [(&str, &str, &str); 58] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -62,6 +62,8 @@ const ASSETS: [(&str, &str, &str); 56] = [
     ("rejudge.js", SCRIPT, include_str!("assets/rejudge.js")),
     ("roboteditor.css", CSS, include_str!("assets/roboteditor.css")),
     ("roboteditor.js", SCRIPT, include_str!("assets/roboteditor.js")),
+    ("robotdrawing.js", SCRIPT, include_str!("assets/robotdrawing.js")),
+    ("robottoml.js", SCRIPT, include_str!("assets/robottoml.js")),
     ("sheet.js", SCRIPT, include_str!("assets/sheet.js")),
     ("sidebyside.js", SCRIPT, include_str!("assets/sidebyside.js")),
     ("sketch.js", SCRIPT, include_str!("assets/sketch.js")),

@@ -135,9 +135,10 @@ fn pages() -> GuardedRouter<Web> {
         .post("/logout", Nothing, Light, login::log_out)
         .get("/events", VIEWER, Streaming, live::campaigns)
         .get("/play", VIEWER, Reading, play::page)
-        // `/play/motion`, `/play/around` and `/play/like` change nothing on disk. They are POSTs because a POST must come from our own pages.
+        // These, except `/play/search`, change nothing on disk. They are POSTs because a POST must come from our own pages.
         .post("/play/motion", VIEWER, Computing, play::motion)
         .post("/play/around", VIEWER, Computing, play::around)
+        .post("/play/robot", VIEWER, Light, play::robot_editor::described)
         .post("/play/like", VIEWER, Computing, play::like)
         .post("/play/search", OPERATOR, Decision, play::search)
         .get("/studies", VIEWER, Reading, studies::list)

@@ -33,7 +33,7 @@ function mark() {
     const own = errors.filter((error) => error.dataset.field === field.id);
     if (own.length > 0) field.setAttribute("aria-invalid", "true");
     else field.removeAttribute("aria-invalid");
-    if (defaults[field.name]) field.placeholder = defaults[field.name];
+    if (field.name in defaults) field.placeholder = defaults[field.name];
     const place = document.getElementById(field.getAttribute("aria-describedby")).querySelector(".error");
     const label = field.name === "robots" ? "" : `${field.labels[0].textContent} `;
     const told = own.map((error) => {

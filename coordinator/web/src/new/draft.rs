@@ -1,7 +1,10 @@
 //! A draft of a campaign: the content of the form, and the errors in it.
 
 use super::{
-    super::{page_error::PageError, play::robots_text},
+    super::{
+        page_error::PageError,
+        play::robot_editor::{has_tables, robots_text},
+    },
     Parameters,
     fields::{Field, Kind, fields},
     given,
@@ -9,7 +12,7 @@ use super::{
 };
 use murmuration_swarm::{BehaviourSpace, CampaignSpec, Invalid, Method, text::quoted};
 use std::collections::BTreeMap;
-use toml::{Table, Value};
+use toml::Table;
 
 /// The robots of the initial form.
 pub(super) const USUAL_ROBOTS: &str = "single-sensor";
@@ -292,12 +295,6 @@ impl Filled {
             Err((_, rest)) => CampaignSpec::from_table(without_empty(rest)).ok(),
         }
     }
-}
-
-/// Whether a value stands below a head of its own in a file, so that no field of the top can follow.
-fn has_tables(value: &Value) -> bool {
-    let items = value.as_array();
-    value.is_table() || items.is_some_and(|items| items.iter().any(Value::is_table))
 }
 
 /// A specification with all its fields.

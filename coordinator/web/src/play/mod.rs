@@ -17,7 +17,6 @@ pub(super) use address::address_of;
 pub(super) use archived::pieces;
 pub(super) use around::around;
 pub(super) use compare::like;
-pub(super) use robot_editor::robots_text;
 pub(super) use view::SwarmView;
 
 use super::{

@@ -1,7 +1,15 @@
 //! The editor of robots: a drawing with handles, and fields. Its script writes the text of a description, on the page Play and on
 //! the page for a new campaign.
 
+use super::{
+    super::asked::Form,
+    address::{MOST_DESCRIPTION_BYTES, Parameters},
+};
+use axum::Json;
 use maud::{Markup, html};
+use murmuration_proto::v1;
+use murmuration_swarm::{CampaignSpec, CapabilityModel, Robot};
+use serde::Serialize;
 use toml::{Table, Value};
 
 /// The id of the text that the editor reads and writes.
@@ -10,32 +18,180 @@ pub(in super::super) const TEXT: &str = "robot";
 /// The parts of a description that the editor shows.
 const SHOWN: [&str; 2] = ["robot", "species"];
 
+/// A description as the editor shows it.
+#[derive(Debug, Default, Serialize)]
+pub(in super::super) struct Described {
+    /// Why the text cannot be shown; absent if it can.
+    error: Option<String>,
+    /// Comments at the beginning of the text.
+    head: String,
+    /// The text before the robots, and the text after them, which the editor keeps.
+    before: String,
+    after: String,
+    /// Whether other comments are lost when the editor writes the text.
+    loses_comments: bool,
+    /// Radius of the bodies and of the wheels of robots that give none.
+    radius: f64,
+    wheel_radius: f64,
+    robots: Vec<Shown>,
+}
+
+/// The robots of one kind.
+#[derive(Debug, Serialize)]
+struct Shown {
+    /// The fields of the species other than its robot; `None` if there are no species.
+    species: Option<Table>,
+    /// The fields of the robot that differ from their defaults.
+    robot: Table,
+}
+
+/// Reads a text for the editor.
+pub(in super::super) async fn described(Form(parameters): Form<Parameters>) -> Json<Described> {
+    let text = parameters.iter().find(|(name, _)| name == TEXT);
+    let text = text.map_or("", |(_, text)| text).replace("\r\n", "\n");
+    Json(read(&text).unwrap_or_else(|error| Described {
+        error: Some(error),
+        ..Described::default()
+    }))
+}
+
+/// Reads a description; an empty text is a robot with the paper's sensor.
+fn read(text: &str) -> Result<Described, String> {
+    if text.len() > MOST_DESCRIPTION_BYTES {
+        return Err(format!(
+            "The text has {} bytes; an address has room for {MOST_DESCRIPTION_BYTES}.",
+            text.len()
+        ));
+    }
+    let text = if text.trim().is_empty() {
+        "[robot]\nsensors = [{}]\n"
+    } else {
+        text
+    };
+    let (model, world) = CampaignSpec::robots_from_toml(text).map_err(|error| error.to_string())?;
+    let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+    let robots = shown(&mut table, &model);
+    let (tables, values): (Table, Table) = table.into_iter().partition(|(_, value)| has_tables(value));
+    let (head, rest) = text.split_at(head_of(text));
+    Ok(Described {
+        error: None,
+        head: head.to_owned(),
+        before: values.to_string(),
+        after: tables.to_string(),
+        loses_comments: rest.contains('#'),
+        radius: world.radius(),
+        wheel_radius: world.wheel_radius(),
+        robots,
+    })
+}
+
+/// Takes the robots out of a table. Presets are described in full.
+fn shown(table: &mut Table, model: &CapabilityModel) -> Vec<Shown> {
+    table.remove("model");
+    let own = table.remove("robot");
+    let Some(Value::Array(species)) = table.remove("species") else {
+        let robots = model.species().iter().map(|of| Shown {
+            species: None,
+            robot: match &own {
+                Some(Value::Table(robot)) => robot.clone(),
+                _ => robot_table(of.robot()),
+            },
+        });
+        return robots.collect();
+    };
+    let pairs = species.into_iter().zip(model.species());
+    let shown = pairs.map(|(fields, of)| {
+        let mut fields = fields.as_table().cloned().unwrap_or_default();
+        fields.remove("model");
+        let robot = match fields.remove("robot") {
+            Some(Value::Table(robot)) => robot,
+            _ => robot_table(of.robot()),
+        };
+        Shown {
+            species: Some(fields),
+            robot,
+        }
+    });
+    shown.collect()
+}
+
+/// The length of the comments and empty lines with which a text begins.
+fn head_of(text: &str) -> usize {
+    let is_comment = |line: &&str| line.trim().is_empty() || line.trim_start().starts_with('#');
+    text.split_inclusive('\n')
+        .take_while(is_comment)
+        .map(str::len)
+        .sum()
+}
+
+/// The text that describes a robot, such as that of a preset.
+pub(super) fn robot_text(robot: &Robot) -> String {
+    robots_text(&Table::from_iter([(
+        "robot".to_owned(),
+        robot_table(robot).into(),
+    )]))
+}
+
+/// The fields of a robot that differ from their defaults, and its radii.
+fn robot_table(robot: &Robot) -> Table {
+    let mut table = Table::try_from(v1::Robot::from(robot)).unwrap_or_default();
+    let usual: [(&str, Value); 2] = [("drive", "differential".into()), ("max_speed", 1.0.into())];
+    table.retain(|name, value| usual.iter().all(|known| *known != (name, value.clone())));
+    if let Some(Value::Array(sensors)) = table.get_mut("sensors") {
+        for sensor in sensors.iter_mut().filter_map(Value::as_table_mut) {
+            let robots = Value::Array(vec!["robots".into()]);
+            let usual: [(&str, Value); 3] = [
+                ("angle", 0.0.into()),
+                ("half_angle", 0.0.into()),
+                ("sees", robots),
+            ];
+            sensor.retain(|name, value| usual.iter().all(|known| *known != (name, value.clone())));
+        }
+    }
+    table
+}
+
+/// Whether a value stands below a head of its own in a file, so that no field of the top can follow.
+pub(in super::super) fn has_tables(value: &Value) -> bool {
+    let items = value.as_array();
+    value.is_table() || items.is_some_and(|items| items.iter().any(Value::is_table))
+}
+
 /// The editor. Without scripts, it is hidden.
 pub(in super::super) fn editor() -> Markup {
     html! {
-        section.robot-editor.scripted #robot-editor aria-label="Robot editor" hidden {}
+        section.robot-editor.scripted #robot-editor aria-label="Robot editor" hidden {
+            p.reason {
+                "Drag the handles of a sensor, or use the arrow keys on them. The text follows the drawing. The robot heads to the "
+                "right; positive angles turn clockwise, as in the pictures."
+            }
+            div.robot-fields {}
+            p.status role="status" {}
+        }
     }
 }
 
 /// The robots of a campaign file as text, with one line for each sensor.
 pub(in super::super) fn robots_text(own: &Table) -> String {
-    let mut text = String::new();
     let (tables, values): (Vec<_>, Vec<_>) = own.iter().partition(|(name, _)| SHOWN.contains(&name.as_str()));
-    for (name, value) in values {
-        text += &format!("{name} = {value}\n");
-    }
+    let values: String = values
+        .iter()
+        .map(|(name, value)| format!("{name} = {value}\n"))
+        .collect();
+    let mut parts = vec![values];
     for (name, value) in tables {
         match value {
-            Value::Table(robot) => text += &format!("[{name}]\n{}", fields_of(robot, "")),
+            Value::Table(robot) => parts.push(format!("[{name}]\n{}", fields_of(robot, ""))),
             Value::Array(species) => {
-                for one in species.iter().filter_map(Value::as_table) {
-                    text += &format!("[[{name}]]\n{}", species_text(one));
-                }
+                let species = species.iter().filter_map(Value::as_table);
+                parts.extend(species.map(|one| format!("[[{name}]]\n{}", species_text(one))));
             }
-            other => text += &format!("{name} = {other}\n"),
+            // The later check refuses it.
+            other => parts.push(format!("{name} = {other}\n")),
         }
     }
-    text
+    parts.retain(|part| !part.is_empty());
+    parts.join("\n")
 }
 
 fn species_text(species: &Table) -> String {
@@ -61,4 +217,55 @@ fn fields_of(table: &Table, before: &str) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_swarm::Preset;
+
+    #[test]
+    fn the_text_of_a_preset_is_that_preset() {
+        for preset in Preset::ALL {
+            let model = CapabilityModel::from(preset);
+            let text = robot_text(model.species()[0].robot());
+            let (read, _) = CampaignSpec::robots_from_toml(&text).unwrap();
+            assert_eq!(read, model, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_the_editor_does_not_show_is_kept() {
+        let text = "# a note\n\nname = \"x\"\nratios = [[12, 12]]\n[world]\nwidth = 700.0\n[[species]]\nname = \"a\" # first\nmodel = \"two-sensor\"\n\
+                    [[species]]\nname = \"b\"\nrobot.sensors = [{ angle = 1.0 }]\n";
+        let described = read(text).unwrap();
+        assert_eq!(described.head, "# a note\n\n");
+        assert_eq!(described.before, "name = \"x\"\nratios = [[12, 12]]\n");
+        assert_eq!(described.after, "[world]\nwidth = 700.0\n");
+        assert!(described.loses_comments);
+        let [a, b] = &described.robots[..] else {
+            panic!("{described:?}")
+        };
+        assert_eq!(a.species.as_ref().unwrap().to_string(), "name = \"a\"\n");
+        assert_eq!(a.robot["sensors"].as_array().map(Vec::len), Some(2));
+        assert_eq!(b.robot["sensors"].to_string(), "[{ angle = 1.0 }]");
+    }
+
+    #[test]
+    fn a_wrong_text_says_why_and_an_empty_one_is_a_robot() {
+        assert!(
+            read("[robot]\nsensors = [{ fov = 1 }]")
+                .unwrap_err()
+                .contains("half_angle")
+        );
+        assert!(read(&"x".repeat(MOST_DESCRIPTION_BYTES + 1)).is_err());
+        assert_eq!(read(" \n").unwrap().robots.len(), 1);
+    }
+
+    #[test]
+    fn robots_are_written_with_a_line_for_each_sensor() {
+        let text = "ratios = [[1, 2]]\n\n[[species]]\nname = \"a\"\nrobot.radius = 5.0\nrobot.sensors = [\n  {},\n  { angle = 1.0 },\n]\n\n\
+                    [[species]]\nmodel = \"two-sensor\"\nname = \"b\"\n";
+        assert_eq!(robots_text(&text.parse().unwrap()), text);
+    }
 }

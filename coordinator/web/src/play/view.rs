@@ -12,6 +12,7 @@ use super::{
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
     timeline,
+    robot_editor,
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
@@ -50,7 +51,7 @@ pub(super) fn page(address: &Address, campaigns: &[Comparable], visitor: &Visito
             (comparison(play, campaigns))
         }
     };
-    layout_with(PLAY, visitor, &["play.js"], content)
+    layout_with(PLAY, visitor, &["play.js", "roboteditor.js"], content)
 }
 
 /// Links to the preset robots.
@@ -76,37 +77,29 @@ fn problems(problems: &[Invalid]) -> Markup {
     }
 }
 
-/// The form for describing a robot.
+/// The form for describing a robot, with the editor that draws it. It begins with the robots of the page.
 fn description(address: &Address) -> Markup {
     let text = match &address.robots {
-        Robots::Described(text) => text,
-        Robots::Preset(_) => EXAMPLE,
+        Robots::Described(text) => text.clone(),
+        Robots::Preset(preset) => robot_editor::robot_text(&preset.robot()),
     };
     html! {
         details.described.scripted open[address.play.is_err()] {
-            summary { "Describe a robot" }
+            summary { "Edit the robot" }
+            (robot_editor::editor())
             form method="get" action="/play" {
-                label for="robot" {
+                label for=(robot_editor::TEXT) {
                     "The " code { "[robot]" } " or " code { "[[species]]" } " of a campaign file, and its " code { "[world]" }
                     " if it is not the paper's"
                 }
-                textarea #robot name="robot" rows="9" maxlength=(MOST_DESCRIPTION_BYTES) spellcheck="false"
-                    autocomplete="off" autocapitalize="off" { "\n" (text) }
+                textarea id=(robot_editor::TEXT) name=(robot_editor::TEXT) rows="9" maxlength=(MOST_DESCRIPTION_BYTES)
+                    spellcheck="false" autocomplete="off" autocapitalize="off" { "\n" (text) }
                 @if let Err(error) = &address.play { pre.error role="alert" tabindex="0" { (error) } }
                 button { "Use this robot" }
             }
         }
     }
 }
-
-/// The description that the form shows at first.
-const EXAMPLE: &str = "\
-[robot]
-sensors = [
-  { half_angle = 0.2, range = 120.0 },
-  { angle = \"free\", angle_range = [-3.14, 3.14] },
-]
-";
 
 fn playground(address: &Address, play: &Play) -> Markup {
     let model = play.controller.model();

@@ -17,6 +17,7 @@ mod points;
 mod printing;
 mod report;
 mod reviewing;
+mod robots;
 mod scene;
 mod scriptless;
 mod selecting;
@@ -86,6 +87,8 @@ pub fn tests() -> Vec<Test> {
         test!(async selecting::a_cluster_is_named_but_for_those_that_differ),
         test!(async selecting::clusters_are_looked_at_while_the_archive_grows),
         test!(async selecting::medoids_are_named_and_the_report_is_taken_away),
+        test!(async robots::a_sensor_is_dragged_and_its_text_follows),
+        test!(async robots::what_an_editor_of_robots_cannot_show_is_kept),
         test!(async starting::campaigns_are_found_compared_and_deleted_after_a_question),
         test!(async starting::a_campaign_is_described_checked_and_started_once),
         test!(async steering::the_training_and_its_rounds_are_drawn_after_a_reload),

@@ -337,7 +337,7 @@ pub async fn a_robot_is_described_and_what_is_wrong_with_it_is_said() {
     window.click(".described summary").await;
     let describe = |text: &str| {
         let script = format!(
-            "document.getElementById('robot').value = {text:?}; document.querySelector('.described button').click()"
+            "document.getElementById('robot').value = {text:?}; document.querySelector('.described form button').click()"
         );
         let driver = window.driver.clone();
         async move { driver.execute(script, vec![]).await.unwrap() }
