@@ -35,6 +35,7 @@ mod pages;
 mod parts;
 mod play;
 mod progress;
+mod robot_editor;
 #[cfg(test)]
 mod samples;
 mod side_by_side;
@@ -138,7 +139,7 @@ fn pages() -> GuardedRouter<Web> {
         // These, except `/play/search`, change nothing on disk. They are POSTs because a POST must come from our own pages.
         .post("/play/motion", VIEWER, Computing, play::motion)
         .post("/play/around", VIEWER, Computing, play::around)
-        .post("/play/robot", VIEWER, Light, play::robot_editor::described)
+        .post("/play/robot", VIEWER, Light, robot_editor::described)
         .post("/play/like", VIEWER, Computing, play::like)
         .post("/play/search", OPERATOR, Decision, play::search)
         .get("/studies", VIEWER, Reading, studies::list)

@@ -33,6 +33,7 @@ class Editor {
     this.of = 0;
     this.before = [];
     this.last = 0;
+    this.isRefused = false;
     this.bound = [];
     this.drawing = new Drawing({
       changed: () => this.changed(),
@@ -104,6 +105,7 @@ class Editor {
     const now = Date.now();
     if (now - this.last > STEP_MS) this.before.push(this.text.value);
     this.last = now;
+    this.isRefused = false;
     this.write(toml(this.described));
     this.sync();
     clearTimeout(this.waiting);
@@ -122,7 +124,7 @@ class Editor {
   async check() {
     const asked = this.text.value;
     const { error } = (await this.ask(asked)) ?? {};
-    if (asked === this.text.value) this.tell(error ?? "", Boolean(error));
+    if (asked === this.text.value && !this.isRefused) this.tell(error ?? "", Boolean(error));
   }
 
   undo() {
@@ -345,6 +347,8 @@ class Editor {
     input.addEventListener("input", () => {
       const isRight = set(input.value.trim());
       input.setAttribute("aria-invalid", !isRight);
+      // The message about this field stays until a value is right.
+      this.isRefused = !isRight;
       if (!isRight) return this.tell(`${label} must be ${allowed}.`, true);
       this.tell("");
       this.drawing.fit();

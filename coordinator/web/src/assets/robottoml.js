@@ -42,8 +42,11 @@ export function toml({ head, before, after, robots }) {
   return `${head}${parts.filter(Boolean).join("\n\n")}\n`;
 }
 
-// A number with few digits, for a text that people read. Half of a whole turn must not exceed pi.
-export const radians = (angle) => (Math.abs(angle) > Math.PI - 5e-5 ? Math.sign(angle) * Math.PI : Number(angle.toFixed(4)));
+// An angle with few digits, for a text that people read. Rounded up, half of a turn or a whole one would exceed its limit.
+export function radians(angle) {
+  const limit = [Math.PI, 2 * Math.PI].find((limit) => Math.abs(Math.abs(angle) - limit) < 5e-5);
+  return limit ? Math.sign(angle) * limit : Number(angle.toFixed(4));
+}
 
 // Sets a field, or removes it if it has its default.
 export function put(table, name, given, usual) {

@@ -3,22 +3,16 @@
 use super::{
     super::{
         page_error::PageError,
-        play::robot_editor::{has_tables, robots_text},
+        robot_editor::{has_tables, robots_text},
     },
     Parameters,
-    fields::{Field, Kind, fields},
+    fields::{Field, Kind, OWN_ROBOTS, USUAL_ROBOTS, fields},
     given,
     problems::{self, Problem, without_empty},
 };
 use murmuration_swarm::{BehaviourSpace, CampaignSpec, Invalid, Method, text::quoted};
 use std::collections::BTreeMap;
 use toml::Table;
-
-/// The robots of the initial form.
-pub(super) const USUAL_ROBOTS: &str = "single-sensor";
-
-/// The parts of a campaign file that describe the robots.
-pub(super) const OWN_ROBOTS: [&str; 3] = ["ratios", "robot", "species"];
 
 /// The name of the text with the robots in the form.
 pub(super) const ROBOTS: &str = "robots";

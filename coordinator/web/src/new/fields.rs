@@ -165,6 +165,12 @@ pub(super) fn fields() -> impl Iterator<Item = &'static Field> {
     GROUPS.iter().flat_map(|(_, fields)| *fields)
 }
 
+/// The robots of the initial form.
+pub(super) const USUAL_ROBOTS: &str = "single-sensor";
+
+/// The parts of a campaign file that describe the robots.
+pub(super) const OWN_ROBOTS: [&str; 3] = ["ratios", "robot", "species"];
+
 /// The path of a field in a campaign file.
 pub(super) fn path(section: &str, name: &str) -> String {
     match section {

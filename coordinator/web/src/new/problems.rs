@@ -3,6 +3,7 @@
 //! A campaign file is read until its first error. To find the others, the wrong field is left out, so that it has its default, and
 //! the file is read again.
 
+use super::fields::{OWN_ROBOTS, USUAL_ROBOTS};
 use murmuration_swarm::{CampaignSpec, Invalid, Method, SpecFileError, line_of_field};
 use toml::{Table, Value};
 
@@ -185,10 +186,10 @@ fn repair(table: &mut Table, field: &str) -> bool {
         "model" | "robot" | "species" | "ratios"
             if table.get("model").is_none_or(|model| !is_usual(model)) =>
         {
-            for own in ["robot", "species", "ratios"] {
+            for own in OWN_ROBOTS {
                 table.remove(own);
             }
-            table.insert("model".to_owned(), super::draft::USUAL_ROBOTS.into());
+            table.insert("model".to_owned(), USUAL_ROBOTS.into());
             true
         }
         _ => false,
@@ -196,7 +197,7 @@ fn repair(table: &mut Table, field: &str) -> bool {
 }
 
 fn is_usual(model: &Value) -> bool {
-    model.as_str() == Some(super::draft::USUAL_ROBOTS)
+    model.as_str() == Some(USUAL_ROBOTS)
 }
 
 /// Removes the value at a path such as `robot.sensors[1].angle`; false if the table has no such value.

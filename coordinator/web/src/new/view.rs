@@ -1,10 +1,10 @@
 //! The page that describes a new campaign.
 
 use super::{
-    super::{layout::layout_with, play::robot_editor, visitor::Visitor},
+    super::{layout::layout_with, robot_editor, visitor::Visitor},
     draft::{Draft, EXAMPLES, Filled, ROBOTS},
     every_field,
-    fields::{Field, GROUPS, Kind, fields},
+    fields::{Field, GROUPS, Kind, OWN_ROBOTS, fields},
     problems::Problem,
 };
 use maud::{Markup, html};
@@ -94,7 +94,7 @@ fn place_of(problem: &Problem) -> Option<(String, String)> {
 fn is_about_robots(problem: &Problem) -> bool {
     let section = problem.field.split(['.', '[']).next().unwrap_or_default();
     let is_of_text = problem.field.is_empty() && problem.line.is_some();
-    is_of_text || section == ROBOTS || super::draft::OWN_ROBOTS.contains(&section)
+    is_of_text || section == ROBOTS || OWN_ROBOTS.contains(&section)
 }
 
 /// The cost of the campaign, or the errors in the draft. The script takes the defaults of the fields from it.

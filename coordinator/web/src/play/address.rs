@@ -4,7 +4,10 @@
 //! controller, separated by commas; `seed` is the seed of the start, and `robots` the number of robots. A missing parameter has
 //! its default. A wrong part of an address is ignored, and the rest of the address applies.
 
-use super::knobs::{Knob, knobs};
+use super::{
+    super::robot_editor::MOST_DESCRIPTION_BYTES,
+    knobs::{Knob, knobs},
+};
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, CapabilityModel, Controller, Invalid, Preset, World};
 use std::iter;
@@ -14,8 +17,6 @@ pub(super) type Parameters = Vec<(String, String)>;
 
 /// Maximum number of robots on the page.
 pub(super) const MOST_ROBOTS: u32 = 1000;
-/// Maximum size of a description in bytes: the encoded description still fits into an address.
-pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
 /// Maximum seed of a start, which is also the maximum seed of a campaign.
 const MOST_SEED: u64 = i64::MAX as u64;
 

@@ -10,7 +10,6 @@ mod compare;
 mod knobs;
 mod motion;
 mod timeline;
-pub(super) mod robot_editor;
 mod view;
 
 pub(super) use address::address_of;

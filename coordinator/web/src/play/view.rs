@@ -6,13 +6,13 @@ use super::{
         layout::{PLAY, layout_with},
         new::token,
         parts,
+        robot_editor::{self, MOST_DESCRIPTION_BYTES},
         visitor::Visitor,
     },
     Comparable, OFFERED,
-    address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
+    address::{Address, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
     timeline,
-    robot_editor,
 };
 use maud::{Markup, html};
 use murmuration_model::colours;

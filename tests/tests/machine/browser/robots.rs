@@ -100,6 +100,16 @@ pub async fn a_sensor_is_dragged_and_its_text_follows() {
     window
         .until(&format!("{TEXT}.includes('half_angle = 0.5236')"))
         .await;
+    // More than half a turn, and a whole turn, stay what they are.
+    for (degrees, radians) in [("270", "4.7124"), ("360", "6.283185307179586"), ("46", "0.8029")] {
+        write(&window, "Angle, degrees", degrees).await;
+        window
+            .until(&format!("{TEXT}.includes('angle = {radians},')"))
+            .await;
+    }
+    write(&window, "Half angle of the cone", "200").await;
+    let told = window.text(".robot-editor .status").await;
+    assert!(told.contains("must be a number from 0 to 180"), "{told}");
     write(&window, "Angles in", "radians").await;
     window.driver.refresh().await.unwrap();
     window.click(".described summary").await;

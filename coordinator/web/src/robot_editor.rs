@@ -1,10 +1,7 @@
 //! The editor of robots: a drawing with handles, and fields. Its script writes the text of a description, on the page Play and on
 //! the page for a new campaign.
 
-use super::{
-    super::asked::Form,
-    address::{MOST_DESCRIPTION_BYTES, Parameters},
-};
+use super::asked::Form;
 use axum::Json;
 use maud::{Markup, html};
 use murmuration_proto::v1;
@@ -13,14 +10,17 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 /// The id of the text that the editor reads and writes.
-pub(in super::super) const TEXT: &str = "robot";
+pub(super) const TEXT: &str = "robot";
+
+/// Maximum size of a description in bytes: the encoded description still fits into an address.
+pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
 
 /// The parts of a description that the editor shows.
 const SHOWN: [&str; 2] = ["robot", "species"];
 
 /// A description as the editor shows it.
 #[derive(Debug, Default, Serialize)]
-pub(in super::super) struct Described {
+pub(super) struct Described {
     /// Why the text cannot be shown; absent if it can.
     error: Option<String>,
     /// Comments at the beginning of the text.
@@ -46,7 +46,7 @@ struct Shown {
 }
 
 /// Reads a text for the editor.
-pub(in super::super) async fn described(Form(parameters): Form<Parameters>) -> Json<Described> {
+pub(super) async fn described(Form(parameters): Form<Vec<(String, String)>>) -> Json<Described> {
     let text = parameters.iter().find(|(name, _)| name == TEXT);
     let text = text.map_or("", |(_, text)| text).replace("\r\n", "\n");
     Json(read(&text).unwrap_or_else(|error| Described {
@@ -152,13 +152,13 @@ fn robot_table(robot: &Robot) -> Table {
 }
 
 /// Whether a value stands below a head of its own in a file, so that no field of the top can follow.
-pub(in super::super) fn has_tables(value: &Value) -> bool {
+pub(super) fn has_tables(value: &Value) -> bool {
     let items = value.as_array();
     value.is_table() || items.is_some_and(|items| items.iter().any(Value::is_table))
 }
 
 /// The editor. Without scripts, it is hidden.
-pub(in super::super) fn editor() -> Markup {
+pub(super) fn editor() -> Markup {
     html! {
         section.robot-editor.scripted #robot-editor aria-label="Robot editor" hidden {
             p.reason {
@@ -172,7 +172,7 @@ pub(in super::super) fn editor() -> Markup {
 }
 
 /// The robots of a campaign file as text, with one line for each sensor.
-pub(in super::super) fn robots_text(own: &Table) -> String {
+pub(super) fn robots_text(own: &Table) -> String {
     let (tables, values): (Vec<_>, Vec<_>) = own.iter().partition(|(name, _)| SHOWN.contains(&name.as_str()));
     let values: String = values
         .iter()
