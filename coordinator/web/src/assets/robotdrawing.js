@@ -176,7 +176,7 @@ export class Drawing {
     const body = Math.max(SMALLEST_BODY, this.radius * this.scale);
     this.body.setAttribute("r", body);
     this.nose.setAttribute("x2", body);
-    this.robot.sensors.forEach((sensor, i) => this.drawSensor(sensor, this.cones[i]));
+    this.robot.sensors.forEach((sensor, i) => this.drawSensor(sensor, this.cones[i], i));
     const sensor = this.robot.sensors[this.place];
     const shown = { angle: middle(sensor), half: sensor.half_angle ?? 0, length: this.length(sensor) };
     for (const { name, shape, place, now, limits } of this.handles) {
@@ -195,7 +195,7 @@ export class Drawing {
     this.stalk.setAttribute("y2", y2);
   }
 
-  drawSensor(sensor, { path, choice, name }) {
+  drawSensor(sensor, { path, choice, name }, i) {
     const length = this.length(sensor);
     const half = Math.min(Math.PI, sensor.half_angle ?? 0);
     const angles = sensor.angle === "free" && sensor.angles ? sensor.angles : [middle(sensor)];
@@ -205,8 +205,9 @@ export class Drawing {
     choice.setAttribute("d", high > low ? `M${turned}` : "");
     path.classList.toggle("free", sensor.angle === "free");
     path.classList.toggle("endless", sensor[rangeField(sensor)] === undefined);
-    // Beside the middle, where no handle is.
-    const [x, y] = at(angles[0] - Math.max(half * 0.6, 14 / (0.8 * length)), 0.8 * length);
+    // The name is beside the middle, where no handle is. The names of sensors in one direction are not on top of each other.
+    const distance = Math.max(20, (0.85 - 0.2 * (i % 3)) * length);
+    const [x, y] = at(angles[0] - Math.max(half * 0.6, 14 / distance), distance);
     name.setAttribute("x", x);
     name.setAttribute("y", y + 4);
   }

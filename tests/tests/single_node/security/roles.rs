@@ -72,6 +72,7 @@ async fn strangers_get_the_log_in_and_health_alone_and_viewers_change_nothing() 
     let change_nothing = [
         "POST /play/motion",
         "POST /play/around",
+        "POST /play/robot",
         "POST /play/like",
         "POST /campaigns/{id}/pieces",
     ];

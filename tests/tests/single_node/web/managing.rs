@@ -38,7 +38,7 @@ async fn a_new_campaign_says_what_it_costs_or_what_is_wrong_before_it_starts() {
         ]
     };
     let told = send(&fields("x")).await;
-    assert!(told.contains("seed must be a whole number"), "{told}");
+    assert!(told.contains("Seed</a> must be a whole number"), "{told}");
     let mut form = fields("7");
     form[0].1 = "file";
     let as_file = send(&form).await;
