@@ -93,24 +93,31 @@ pub async fn a_sensor_is_dragged_and_its_text_follows() {
         ))
         .await;
 
-    // Fields do what handles do; the unit of angles stays chosen.
+    fields_do_what_handles_do(&window).await;
+    the_robot_goes_to_a_new_campaign(&window).await;
+    window.close().await;
+    cluster.stop().await;
+}
+
+/// Fields do what handles do; the unit of angles stays chosen.
+async fn fields_do_what_handles_do(window: &Window) {
     window.click(".described summary").await;
     window.until("document.querySelector('.handle.direction')").await;
-    write(&window, "Half angle of the cone", "30").await;
+    write(window, "Half angle of the cone", "30").await;
     window
         .until(&format!("{TEXT}.includes('half_angle = 0.5236')"))
         .await;
     // More than half a turn, and a whole turn, stay what they are.
     for (degrees, radians) in [("270", "4.7124"), ("360", "6.283185307179586"), ("46", "0.8029")] {
-        write(&window, "Angle, degrees", degrees).await;
+        write(window, "Angle, degrees", degrees).await;
         window
             .until(&format!("{TEXT}.includes('angle = {radians},')"))
             .await;
     }
-    write(&window, "Half angle of the cone", "200").await;
+    write(window, "Half angle of the cone", "200").await;
     let told = window.text(".robot-editor .status").await;
     assert!(told.contains("must be a number from 0 to 180"), "{told}");
-    write(&window, "Angles in", "radians").await;
+    write(window, "Angles in", "radians").await;
     window.driver.refresh().await.unwrap();
     window.click(".described summary").await;
     window
@@ -119,15 +126,18 @@ pub async fn a_sensor_is_dragged_and_its_text_follows() {
     window
         .click(".robot-editor .drawn .plain:nth-last-of-type(2)")
         .await;
-    write(&window, "Sees", "no robots").await;
+    write(window, "Sees", "no robots").await;
     window.until(&format!("{TEXT}.includes('{{}},')")).await;
     window.click(".robot-editor .box input").await;
-    write(&window, "Sees", "no robots").await;
+    write(window, "Sees", "no robots").await;
     window
         .until(&format!(
             "/wall_range = \\d+, sees = \\[\"walls\"\\]/.test({TEXT})"
         ))
         .await;
+}
+
+async fn the_robot_goes_to_a_new_campaign(window: &Window) {
     let written = window.value(TEXT).await;
     window.click(".robot-editor a.button").await;
     window
@@ -145,11 +155,9 @@ pub async fn a_sensor_is_dragged_and_its_text_follows() {
             window.resize(width, height, dark).await;
             let scheme = if dark { "dark" } else { "light" };
             window.picture(&format!("new-robot-{width}-{scheme}")).await;
-            check(&window, "new-robot").await;
+            check(window, "new-robot").await;
         }
     }
-    window.close().await;
-    cluster.stop().await;
 }
 
 async fn slide_first_gene(window: &Window) {
@@ -191,10 +199,8 @@ pub async fn what_an_editor_of_robots_cannot_show_is_kept() {
     window.click(".robot-editor .numbers .plain").await;
     window.until(&format!("{TEXT} === {SPECIES:?}")).await;
     // A text with an error waits, and is not changed.
-    let break_it = format!(
-        "const text = document.getElementById('robot'); text.value = text.value.replace('sees', 'fov'); \
-         text.dispatchEvent(new Event('input', {{ bubbles: true }}))"
-    );
+    let break_it = "const text = document.getElementById('robot'); text.value = text.value.replace('sees', 'fov'); \
+         text.dispatchEvent(new Event('input', { bubbles: true }))";
     window.driver.execute(break_it, vec![]).await.unwrap();
     window
         .until("document.querySelector('.robot-fields').inert && document.querySelector('.robot-editor .status').textContent.includes('half of the field of view')")
