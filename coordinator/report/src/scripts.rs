@@ -5,6 +5,9 @@
 
 use maud::{Markup, html};
 
+/// The style of the pins of a map. A page defines `--ink` and `--surface`.
+pub const PINS_STYLE: &str = include_str!("pins.css");
+
 /// The zoom buttons of a map; the script `plot.js` handles their clicks.
 pub fn zoom_buttons() -> Markup {
     html! {
@@ -19,11 +22,12 @@ pub(crate) const INLINE: &str = concat!(
     include_str!("scripts/words.js"),
     include_str!("scripts/drawing.js"),
     include_str!("scripts/plot.js"),
+    include_str!("scripts/pins.js"),
     include_str!("scripts/playback.js"),
 );
 
 /// Each script as a module: its file name and its text.
-pub const MODULES: [(&str, &str); 5] = [
+pub const MODULES: [(&str, &str); 6] = [
     (
         "showatlas.js",
         concat!(include_str!("atlas/atlas.js"), "export { showAtlas };\n"),
@@ -49,6 +53,10 @@ pub const MODULES: [(&str, &str); 5] = [
             include_str!("scripts/plot.js"),
             "export { PAPER, Plot, steer, zoomButtons };\n"
         ),
+    ),
+    (
+        "pins.js",
+        concat!(include_str!("scripts/pins.js"), "export { Pins };\n"),
     ),
     (
         "playback.js",

@@ -12,13 +12,14 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 58] = [
+const ASSETS: [(&str, &str, &str); 59] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
     ("noscript.css", CSS, include_str!("assets/noscript.css")),
     ("atlas.css", CSS, include_str!("assets/atlas.css")),
     ("card.css", CSS, murmuration_report::card::STYLE),
+    ("pins.css", CSS, murmuration_report::scripts::PINS_STYLE),
     ("tables.css", CSS, murmuration_study::TABLES_STYLE),
     ("study.css", CSS, include_str!("assets/study.css")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),

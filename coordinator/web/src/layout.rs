@@ -163,6 +163,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
                 link rel="stylesheet" href="/assets/play.css";
+                @if scripts.contains(&"map.js") { link rel="stylesheet" href="/assets/pins.css"; }
                 @if scripts.contains(&"taxonomy.js") { link rel="stylesheet" href="/assets/card.css"; }
                 @if scripts.contains(&"atlas.js") { link rel="stylesheet" href="/assets/atlas.css"; }
                 @if scripts.contains(&"study.js") {

@@ -4,6 +4,7 @@ use super::{
     Web, keys,
     layout::{Part, campaign_page},
     learning,
+    named::on_card,
     of_campaign::OfCampaign,
     page_error::{PageError, Refused},
     parts,
@@ -66,6 +67,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
             div.sight.scripted {
                 section.plane aria-label="Behaviours" {
                     canvas #points aria-hidden="true" {}
+                    div #pins.pins aria-hidden="true" {}
                     canvas #over tabindex="0" role="application" aria-describedby="how"
                         aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
                     div.zoom role="group" aria-label="Zoom" {
@@ -93,7 +95,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                 p #how.reason {
                     "Point at a behaviour to see its picture, and click it to play its motion. Draw a line around behaviours "
                     "to select them (Shift adds to the selection, Escape clears it), then press the number of a class. "
-                    "The wheel, two fingers or + and − zoom; Ctrl and a drag, or the button Move, move the map. Rings are the medoids. A "
+                    "The wheel, two fingers or + and − zoom; Ctrl and a drag, or the button Move, move the map. Rings and pins are the medoids. A "
                     "click on a colour hides its individuals, and with Shift all others."
                 }
             }
@@ -140,7 +142,9 @@ pub(super) struct PointsView {
     /// Columns with a value for each individual: the number of trials that show its own behaviour, and its cluster.
     robust: String,
     cluster: String,
+    /// Names with their origin, and names as cards show them.
     cluster_names: Vec<Option<String>>,
+    cluster_labels: Vec<Option<String>>,
     cluster_colours: Vec<String>,
 }
 
@@ -179,6 +183,11 @@ pub(super) async fn points(
             .names
             .iter()
             .map(|name| name.as_ref().map(in_words))
+            .collect(),
+        cluster_labels: names
+            .names
+            .iter()
+            .map(|name| Some(on_card(name.as_ref()?).shown()))
             .collect(),
         cluster_colours: (0..medoids.len())
             .map(|place| colours::hex(colours::cluster(place)))

@@ -31,6 +31,7 @@ window.murmuration = {
     seeds: column(content.pictures.seeds, BigUint64Array),
   },
   simulator: content.simulator,
+  Pins,
   Playback,
   Plot,
   counted,

@@ -1,18 +1,15 @@
 // Draws the behaviour space, and highlights a cluster on the map, the pins and the legend.
-const { clusterColours, equalScale, fit, Plot, steer, zoomButtons } = window.murmuration;
+const { clusterColours, equalScale, fit, Pins, Plot, steer, zoomButtons } = window.murmuration;
 const plot = new Plot(document.getElementById("space"));
 const { canvas } = plot;
 const pen = canvas.getContext("2d");
-const pins = document.getElementById("pins");
+const pins = new Pins(document.getElementById("pins"), document.querySelector(".zoom"));
 const tip = document.getElementById("tip");
 const scheme = matchMedia("(prefers-color-scheme: dark)");
 const print = matchMedia("print");
 // Paper is light, even if the screen is dark.
 const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
-const PIN = 46;
-// How far the number of a pin extends beyond the pin, with a margin.
-const BADGE = 12;
 let chosen = -1;
 let hovered = -1;
 // The individual that the panel shows.
@@ -30,7 +27,7 @@ function paint() {
   plot.paint(isDark(), groups());
   const dense = canvas.width / Math.max(canvas.clientWidth, 1);
   pen.setTransform(dense, 0, 0, dense, 0, 0);
-  paintLeaders();
+  pins.lead(pen, archive.medoids.map(place), isDark(), (cluster) => (chosen >= 0 && chosen !== cluster ? 0.25 : 0.9));
   for (const [i, radius] of [[hovered, 5.5], [opened, 8]]) {
     if (i < 0) continue;
     const [x, y] = place(i);
@@ -58,95 +55,20 @@ function groups() {
   });
 }
 
-// The pins: the grey image and the number of each medoid, beside the medoid's point.
-const labels = archive.medoids.map((_, cluster) => {
-  const link = document.createElement("a");
-  link.href = `#behaviour-${cluster + 1}`;
-  link.className = "pin";
-  // Pins cannot be dragged, because a drag that starts on a pin moves the map.
-  link.draggable = false;
-  link.dataset.place = cluster;
-  link.style.setProperty("--cluster", clusterColours[cluster]);
-  const image = document.createElement("img");
-  image.draggable = false;
-  const card = document.getElementById(`behaviour-${cluster + 1}`);
-  image.src = card.querySelector("img.grey").src;
-  image.alt = "";
-  const number = document.createElement("span");
-  number.textContent = cluster + 1;
-  link.setAttribute("aria-label", `Behaviour ${cluster + 1}`);
-  link.append(image, number);
-  pins.append(link);
-  return { link, x: 0, y: 0 };
-});
+pins.fill(
+  archive.medoids.map((_, cluster) => {
+    const card = document.getElementById(`behaviour-${cluster + 1}`);
+    return {
+      picture: card.querySelector("img.grey").src,
+      colour: clusterColours[cluster],
+      name: card.querySelector(".name h3 > :not(.swatch)")?.textContent ?? "",
+      href: `#behaviour-${cluster + 1}`,
+    };
+  }),
+);
 
-// Pins push each other and the points apart until they no longer overlap.
 function arrange() {
-  const width = canvas.clientWidth;
-  const height = canvas.clientHeight;
-  const small = width < 620 || labels.length > 40;
-  pins.classList.toggle("small", small);
-  const size = small ? 20 : PIN;
-  const points = archive.medoids.map(place);
-  const buttons = document.querySelector(".zoom");
-  const underButtons = buttons.offsetTop + buttons.offsetHeight + size / 2 + BADGE;
-  const least = size / 2 + 2;
-  const highest = (x) => (x + size / 2 + BADGE > buttons.offsetLeft ? underButtons : least);
-  labels.forEach((label, i) => {
-    const [dx, dy] = [points[i][0] - width / 2, points[i][1] - height / 2];
-    const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
-    const at = (far) => [points[i][0] + dx * far + 0.01 * i, points[i][1] + dy * far];
-    const [x, y] = at(far);
-    // A pin is outside its point, seen from the middle of the map. If the edge leaves no room there, the pin goes to the inside.
-    const fits = x >= least && x <= width - least && y >= highest(x) && y <= height - least;
-    [label.x, label.y] = at(fits ? far : -far);
-  });
-  for (let round = 0; round < 300; round++) {
-    for (const [i, a] of labels.entries()) {
-      for (const b of labels.slice(0, i)) push(a, b, size + 6, 0.5);
-      if (!small) for (const [x, y] of points) push(a, { x, y, fixed: true }, size / 2 + 10, 0.6);
-      a.x = Math.min(Math.max(a.x, least), width - least);
-      a.y = Math.min(Math.max(a.y, highest(a.x)), height - least);
-    }
-  }
-  // Positions are fractions of the map, because printing changes the size of the map without running the script.
-  labels.forEach(({ link, x, y }, cluster) => {
-    // Without its point in view, a pin would suggest that its point is here.
-    link.hidden = !plot.isOn(...points[cluster]);
-    link.style.left = `${(100 * x) / width}%`;
-    link.style.top = `${(100 * y) / height}%`;
-  });
-}
-
-function push(a, b, apart, part) {
-  const [dx, dy] = [a.x - b.x, a.y - b.y];
-  const distance = Math.hypot(dx, dy);
-  if (distance >= apart) return;
-  const move = (part * (apart - distance)) / Math.max(distance, 0.01);
-  a.x += dx * move;
-  a.y += dy * move;
-  if (!b.fixed) {
-    b.x -= dx * move;
-    b.y -= dy * move;
-  }
-}
-
-function paintLeaders() {
-  pen.lineWidth = 1.25;
-  labels.forEach(({ link, x, y }, cluster) => {
-    if (link.hidden) return;
-    const [px, py] = place(archive.medoids[cluster]);
-    pen.globalAlpha = chosen >= 0 && chosen !== cluster ? 0.25 : 0.9;
-    pen.strokeStyle = isDark() ? "#a9a79f" : "#5f5e58";
-    pen.beginPath();
-    pen.moveTo(px, py);
-    pen.lineTo(x, y);
-    pen.stroke();
-    pen.fillStyle = isDark() ? "#ecebe6" : "#1d1d1b";
-    pen.beginPath();
-    pen.arc(px, py, 3.5, 0, 2 * Math.PI);
-    pen.fill();
-  });
+  pins.arrange(archive.medoids.map(place), [canvas.clientWidth, canvas.clientHeight], (x, y) => plot.isOn(x, y));
 }
 
 // Paints a small map: the position of one cluster among all points.

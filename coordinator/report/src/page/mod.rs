@@ -19,7 +19,11 @@ use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_swarm::{BehaviourSpace, Method, Starts};
 
-const STYLE: &str = concat!(include_str!("style.css"), include_str!("../card.css"));
+const STYLE: &str = concat!(
+    include_str!("style.css"),
+    include_str!("../card.css"),
+    include_str!("../pins.css"),
+);
 /// Each script has its own scope, so that a failure does not stop the others. The scripts run in this order.
 const SCRIPTS: [[&str; 2]; 5] = [
     [scripts::INLINE, include_str!("data.js")],

@@ -41,7 +41,7 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                     "; across: "
                     (across) ", up: " (up) ". Arrow keys go from point to point, Enter shows one."
                 } {}
-                div #pins {}
+                div #pins.pins {}
                 div.zoom role="group" aria-label="Zoom" { (scripts::zoom_buttons()) }
                 div #tip role="status" hidden { canvas aria-hidden="true" {} div.lines {} }
                 p.across { (across) }

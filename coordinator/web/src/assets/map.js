@@ -13,6 +13,7 @@ import { agreed } from "./overwrite.js";
 import { Palette } from "./palette.js";
 import { layPaths } from "./paths.js";
 import { Player, playerKey } from "./player.js";
+import { Pins } from "./pins.js";
 import { steer, zoomButtons } from "./plot.js";
 import { Points } from "./points.js";
 import { Sketch } from "./sketch.js";
@@ -25,9 +26,12 @@ const over = at("over");
 const tip = at("tip");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const plot = new Points(at("points"));
-const sketch = new Sketch(over, plot, () => points?.isMedoid ?? []);
+const sketch = new Sketch(over, plot, () => points?.isMedoid ?? [], (pen) => {
+  if (points && pinned) pins.lead(pen, points.medoids.map((i) => [plot.across[i], plot.down[i]]), dark.matches, () => 0.9);
+});
 const player = new Player(document.querySelector(".player"));
 const filter = new Filter(`${keptAs}.map`);
+const pins = new Pins(at("pins"), document.querySelector(".zoom"));
 const menus = new Menus(filter, (kind) => (kind === "annotator" ? answeredBy() : sift()));
 const views = new Views(plot, (canGoBack) => (at("back").disabled = !canGoBack));
 const gallery = new Gallery(at("gallery"), at("gallery-line"), {
@@ -38,8 +42,11 @@ const gallery = new Gallery(at("gallery"), at("gallery-line"), {
 const STAYS_MS = 150;
 // Prefix of the storage keys for choices on this page, which all campaigns share.
 const CHOICE = "murmuration.map.";
+const MOST_PINS = 60;
 let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
+// The view for which the pins were arranged; empty if there are no pins.
+let pinned = "";
 // Individuals that the filter's annotator has answered.
 let answered = null;
 let selected = new Set();
@@ -83,7 +90,18 @@ function paint() {
 // Repaints the points in their current colours.
 function draw() {
   plot.show(colourOf, { selected, standsOut: (i) => known.of.has(i) || points.isMedoid.has(i) }, dark.matches);
+  pin();
   sketch.draw();
+}
+
+// Arranges the pins of the medoids, if the map has changed its size or its part since. Many medoids have only rings.
+function pin() {
+  const { clientWidth: width, clientHeight: height } = over;
+  const view = [width, height, plot.reach, plot.corner, at("projection").value, points.archive_version].join(" ");
+  if (view === pinned || points.medoids.length > MOST_PINS) return;
+  pinned = view;
+  const places = points.medoids.map((i) => [plot.across[i], plot.down[i]]);
+  pins.arrange(places, [width, height], (x, y) => plot.isOn(x, y));
 }
 
 // The value by which a filter hides a point.
@@ -201,6 +219,7 @@ function redraw() {
     due = false;
     plot.layOut();
     plot.repaint(true);
+    pin();
     sketch.draw();
   });
 }
@@ -321,6 +340,14 @@ async function load() {
   points = { ...about, cluster, sizes, robust, isMedoid, places: { axes: read(axes) } };
   points.count = points.places.axes[0].length;
   document.querySelector(".plane .empty").hidden = points.count > 0;
+  pinned = "";
+  pins.fill(
+    points.medoids.slice(0, points.medoids.length > MOST_PINS ? 0 : MOST_PINS).map((index, place) => ({
+      picture: path(archived(index)),
+      colour: points.clusterColours[place],
+      name: points.clusterLabels[place] ?? "",
+    })),
+  );
   for (const option of at("colouring")) {
     if (option.value === "cluster") option.disabled = sizes.length === 0;
     if (option.value === "robustness") option.disabled = points.robust.length === 0;

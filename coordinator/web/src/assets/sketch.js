@@ -4,7 +4,9 @@ import { trace } from "./lasso.js";
 
 export class Sketch {
   // `medoids()` returns the points that get a ring.
-  constructor(canvas, plot, medoids) {
+  // `under(pen)` draws what lies under the rings.
+  constructor(canvas, plot, medoids, under) {
+    this.under = under;
     this.canvas = canvas;
     this.plot = plot;
     this.medoids = medoids;
@@ -19,6 +21,7 @@ export class Sketch {
     const dense = canvas.width / Math.max(canvas.clientWidth, 1);
     pen.setTransform(dense, 0, 0, dense, 0, 0);
     pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    this.under(pen);
     const ink = getComputedStyle(canvas).color;
     pen.strokeStyle = ink;
     for (const i of this.medoids()) if (i < plot.count && plot.isShown(i)) this.ring(pen, i, 5, 1.5);
