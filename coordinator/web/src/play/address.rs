@@ -17,8 +17,8 @@ pub(super) type Parameters = Vec<(String, String)>;
 
 /// Maximum number of robots on the page.
 pub(super) const MOST_ROBOTS: u32 = 1000;
-/// Maximum seed of a start, which is also the maximum seed of a campaign.
-const MOST_SEED: u64 = i64::MAX as u64;
+/// Maximum seed of a start.
+const MOST_SEED: u64 = u64::MAX;
 
 /// The swarm of an address, and the errors in the address.
 #[derive(Debug)]
@@ -275,7 +275,7 @@ mod tests {
         let address = read(&[
             ("model", "single-sensor"),
             ("genes", "0.6,1,-0.4,0.123456789"),
-            ("seed", "9223372036854775807"),
+            ("seed", "18446744073709551615"),
             ("robots", "1000"),
         ]);
         let play = address.strictly().unwrap();
@@ -316,7 +316,7 @@ mod tests {
             let message = format!("robots = {shown}: must be a whole number from 1 to 1000");
             assert_eq!(check(&[("robots", robots)], &message).world.agents(), 24);
         }
-        let message = "seed = \"-1\": must be a whole number from 0 to 9223372036854775807";
+        let message = "seed = \"-1\": must be a whole number from 0 to 18446744073709551615";
         assert_eq!(
             check(&[("seed", "-1"), ("robots", "30")], message).world.agents(),
             30
@@ -387,6 +387,20 @@ mod tests {
                 let play = read(&[robots, ("genes", &genes)]).play.unwrap();
                 assert_eq!(play.controller.genes().len(), count);
             }
+        }
+    }
+
+    #[test]
+    fn every_individual_of_a_campaign_has_an_address_with_its_swarm() {
+        for world in ["", "[world]\nboundary = \"torus\"\nagents = 30"] {
+            let text = format!("model = \"single-sensor\"\nmethod = \"random\"\n{world}");
+            let spec = CampaignSpec::from_toml(&text).unwrap();
+            let controller = Controller::new(spec.model(), &[0.1, -0.3, 1.0, 0.7]).unwrap();
+            let address = address_of(&spec, &controller, u64::MAX).unwrap();
+            let parameters: Parameters = serde_urlencoded::from_str(&address).unwrap();
+            let play = Address::read(&parameters).strictly().unwrap();
+            assert_eq!((&play.controller, &play.world), (&controller, spec.world()));
+            assert_eq!(play.seed, u64::MAX);
         }
     }
 }

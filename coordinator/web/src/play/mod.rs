@@ -163,7 +163,9 @@ pub(super) async fn search(
     }
     let play = strictly(&parameters)?;
     check_cost(&play.world)?;
-    let spec = CampaignSpec::begun_with(&play.controller, &play.world, play.seed)?;
+    // The seeds of campaigns have 63 bits.
+    let seed = play.seed & i64::MAX as u64;
+    let spec = CampaignSpec::begun_with(&play.controller, &play.world, seed)?;
     let token = form.iter().find(|(name, _)| name == "request");
     let request = token.map(|(_, token)| request_of(token, &spec)).transpose()?;
     let new = NewCampaign {

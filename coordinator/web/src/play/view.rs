@@ -196,7 +196,7 @@ fn start(play: &Play) -> Markup {
         fieldset.start {
             legend { "Start" }
             label for="seed" { "Seed" }
-            input.number #seed type="text" inputmode="numeric" pattern="[0-9]{1,19}" value=(play.seed);
+            input.number #seed type="text" inputmode="numeric" pattern="[0-9]{1,20}" value=(play.seed);
             button.plain #anew type="button" { "Another start " (keys::mark("anew")) }
             @if play.controller.model().robots().is_none() {
                 label for="robots" { "Robots" }

@@ -79,6 +79,7 @@ async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
     researcher.export().await;
     researcher.start_another().await;
     researcher.compare().await;
+    researcher.search_by_example().await;
     assert_eq!(researcher.window.shifts().await, json!([]), "{screen}");
     researcher.window.close().await;
     researcher.cluster.stop().await;
@@ -332,5 +333,26 @@ impl Researcher {
             .until("['#best', '#accuracy'].every((id) => [0, 1].every((line) => document.querySelector(`${id} .line-${line}`)))")
             .await;
         self.look("compare").await;
+    }
+
+    /// Takes a behaviour to Play, looks at its robot in the editor, and searches for more like it.
+    async fn search_by_example(&self) {
+        let window = &self.window;
+        self.go("/campaigns/small-1/taxonomy").await;
+        window.click(".medoid .more summary").await;
+        self.follow(".medoid .more a[href^='/play?']", "/play").await;
+        window
+            .until("document.querySelector('output.step').textContent.includes('step')")
+            .await;
+        window.click(".described summary").await;
+        window.until("document.querySelector('.handle.direction')").await;
+        // A motion that goes on changes the page while it is looked at.
+        window.click(".transport .toggle").await;
+        self.look("robot-editor").await;
+        self.go("/campaigns/small-1/taxonomy").await;
+        window.click(".medoid .more summary").await;
+        self.follow(".medoid .more form button", "/campaigns/play-3")
+            .await;
+        self.look("more-like-this").await;
     }
 }
