@@ -69,7 +69,9 @@ impl Measure {
             Self::Shares => {
                 let classes = Class::ALL.into_iter().filter(|class| *class != Class::Random);
                 let classes = [Class::Random].into_iter().chain(classes).map(Figure::Share);
-                classes.chain(Pattern::ALL.map(Figure::PatternShare)).collect()
+                classes
+                    .chain(Pattern::OF_ONE_SPECIES.map(Figure::PatternShare))
+                    .collect()
             }
             Self::Accuracy => vec![Figure::Accuracy, Figure::AccuracyOfEveryAnchor],
             Self::Search => vec![Figure::Loss, Figure::Novelty],

@@ -38,7 +38,7 @@ impl JudgedTrials {
         let percent = |count: u64| 100.0 * count as f64 / trials as f64;
         let classes = Class::ALL.map(|class| (Figure::Share(class), percent(self.of_class(class))));
         let pattern = |pattern| percent(self.of(Verdict::Pattern(pattern)));
-        let patterns = Pattern::ALL.map(|named| (Figure::PatternShare(named), pattern(named)));
+        let patterns = Pattern::OF_ONE_SPECIES.map(|named| (Figure::PatternShare(named), pattern(named)));
         classes.into_iter().chain(patterns).collect()
     }
 

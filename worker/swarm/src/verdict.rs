@@ -1,4 +1,4 @@
-//! Verdicts of the judge on a motion: the paper's classes, and patterns among random behaviours.
+//! Verdicts of the judge on a motion: the paper's classes, patterns among random behaviours, and patterns of two species.
 
 use crate::{Boundary, Invalid, World};
 use murmuration_proto::v1;
@@ -25,7 +25,7 @@ pub enum Class {
     Random,
 }
 
-/// A pattern that the paper does not name, seen among behaviours that it calls random.
+/// A pattern that the paper does not name: seen among behaviours that it calls random, or of two species.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Pattern {
     /// Three or more tight groups.
@@ -34,6 +34,14 @@ pub enum Pattern {
     Chain,
     /// Groups that travel together.
     MovingClumps,
+    /// Two species: a closed rim of one species around the other.
+    Containment,
+    /// Two species: one species goes round inside the other, which goes round too.
+    EmbeddedCycles,
+    /// Two species that turn about a common middle at the same distance.
+    TwoColouredMill,
+    /// Two species: one species goes round in a loop of its own, and the other species is elsewhere.
+    OwnRing,
 }
 
 /// The judge's verdict on a motion.
@@ -41,7 +49,7 @@ pub enum Pattern {
 pub enum Verdict {
     /// A class. [`Class::Random`] means a random motion without a pattern.
     Class(Class),
-    /// A motion of [`Class::Random`] with this pattern.
+    /// A motion with this pattern, of the class [`Pattern::class`].
     Pattern(Pattern),
 }
 
@@ -97,7 +105,37 @@ impl Class {
 }
 
 impl Pattern {
-    pub const ALL: [Self; 3] = [Self::SmallClusters, Self::Chain, Self::MovingClumps];
+    /// Every pattern. The order is that of the numbers in messages and on disk, so new patterns come last.
+    pub const ALL: [Self; 7] = [
+        Self::SmallClusters,
+        Self::Chain,
+        Self::MovingClumps,
+        Self::Containment,
+        Self::EmbeddedCycles,
+        Self::TwoColouredMill,
+        Self::OwnRing,
+    ];
+
+    /// The patterns that a judge sees without the species of the robots.
+    pub const OF_ONE_SPECIES: [Self; 3] = [Self::SmallClusters, Self::Chain, Self::MovingClumps];
+
+    /// Whether the pattern is one of two species.
+    #[must_use]
+    pub fn is_of_two_species(self) -> bool {
+        !Self::OF_ONE_SPECIES.contains(&self)
+    }
+
+    /// The class of a motion with the pattern.
+    #[must_use]
+    pub const fn class(self) -> Class {
+        match self {
+            Self::EmbeddedCycles => Class::NestedCycle,
+            Self::TwoColouredMill => Class::Milling,
+            Self::SmallClusters | Self::Chain | Self::MovingClumps | Self::Containment | Self::OwnRing => {
+                Class::Random
+            }
+        }
+    }
 
     /// Name in labelled sets.
     #[must_use]
@@ -106,6 +144,10 @@ impl Pattern {
             Self::SmallClusters => "small_clusters",
             Self::Chain => "chain",
             Self::MovingClumps => "moving_clumps",
+            Self::Containment => "containment",
+            Self::EmbeddedCycles => "embedded_cycles",
+            Self::TwoColouredMill => "two_coloured_mill",
+            Self::OwnRing => "own_ring",
         }
     }
 
@@ -134,11 +176,16 @@ impl Verdict {
         classes.chain(Pattern::ALL.into_iter().map(Self::Pattern))
     }
 
+    /// Every verdict on a swarm of one species: the classes, then the patterns.
+    pub fn of_one_species() -> impl Iterator<Item = Self> {
+        Self::all().filter(|verdict| !verdict.pattern().is_some_and(Pattern::is_of_two_species))
+    }
+
     #[must_use]
     pub const fn class(self) -> Class {
         match self {
             Self::Class(class) => class,
-            Self::Pattern(_) => Class::Random,
+            Self::Pattern(pattern) => pattern.class(),
         }
     }
 
@@ -160,7 +207,7 @@ impl Verdict {
         }
     }
 
-    /// Number of the verdict in messages and on disk, 1 to 11.
+    /// Number of the verdict in messages and on disk, 1 to 15.
     #[must_use]
     pub fn number(self) -> u8 {
         let place = Self::all().position(|verdict| verdict == self);
@@ -179,7 +226,7 @@ impl TryFrom<i32> for Verdict {
             .and_then(|number| number.checked_sub(1));
         place
             .and_then(|place| Self::all().nth(place))
-            .ok_or_else(|| Invalid::new("verdict", number, "the number of a class or pattern, 1 to 11"))
+            .ok_or_else(|| Invalid::new("verdict", number, "the number of a class or pattern, 1 to 15"))
     }
 }
 
@@ -220,7 +267,7 @@ mod tests {
             assert_eq!(named, format!("verdict_{verdict}"));
             assert_eq!(v1::Verdict::from(verdict) as i32, number);
         }
-        for number in [-1, 0, 12, i32::MAX] {
+        for number in [-1, 0, 16, i32::MAX] {
             assert!(Verdict::try_from(number).is_err(), "{number}");
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Atlas, Tally};
 use csv::Writer;
-use murmuration_swarm::{Enumeration, FEATURE_NAMES, Verdict};
+use murmuration_swarm::{Enumeration, FEATURE_NAMES, Pattern, Verdict};
 use std::io::{self, Write};
 
 /// One row per simulated controller, by index.
@@ -12,7 +12,7 @@ pub(super) fn write(atlas: &Atlas, tallies: &[Tally], file: &mut dyn Write) -> i
         .into_iter()
         .chain(atlas.spec.model().gene_names());
     let head = head.chain(["seed", "class", "share", "sureness"].map(str::to_owned));
-    let head = head.chain(Verdict::all().map(|verdict| format!("share_{verdict}")));
+    let head = head.chain(verdicts(atlas).map(|verdict| format!("share_{verdict}")));
     let head = head
         .chain(FEATURE_NAMES.map(str::to_owned))
         .chain(["heuristic_score".to_owned()]);
@@ -31,13 +31,20 @@ pub(super) fn write(atlas: &Atlas, tallies: &[Tally], file: &mut dyn Write) -> i
             tally.share.to_string(),
             tally.sureness().to_string(),
         ]);
-        let row = row.chain(Verdict::all().map(|verdict| share(verdict).to_string()));
+        let row = row.chain(verdicts(atlas).map(|verdict| share(verdict).to_string()));
         let row = row
             .chain(entry.features.iter().map(f64::to_string))
             .chain([entry.score.to_string()]);
         table.write_record(row)?;
     }
     table.flush()
+}
+
+/// The verdicts that the judge can give.
+fn verdicts(atlas: &Atlas) -> impl Iterator<Item = Verdict> {
+    let several = atlas.spec.model().species().len() > 1;
+    Verdict::all()
+        .filter(move |verdict| several || !verdict.pattern().is_some_and(Pattern::is_of_two_species))
 }
 
 pub(super) fn readme(atlas: &Atlas) -> String {
