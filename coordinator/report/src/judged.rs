@@ -2,7 +2,7 @@
 
 use crate::Report;
 use maud::{Markup, html};
-use murmuration_judge::{frames, judge};
+use murmuration_judge::{frames, judge_species};
 use murmuration_model::labels::{ClassKey, ClassName, GivenClass};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_swarm::{CampaignSpec, Class, Controller, Invalid, Verdict, World, counted, noun};
@@ -57,7 +57,8 @@ impl Candidate<'_> {
     fn verdict(&self, world: &World) -> Result<Verdict, Invalid> {
         let start = Start::seeded(self.seed);
         let motion = replay_frames(self.controller, world, &start, &frames(world))?;
-        Ok(judge(&motion, world))
+        let species = self.controller.species_of_robots(world.agents());
+        Ok(judge_species(&motion, &species, world))
     }
 }
 

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 const STRIDE: u32 = 4;
 /// Distance between the centres of two touching robots, world units.
 const TOUCHING: f64 = 10.0;
-const MIDDLE: f64 = 250.0;
+pub(super) const MIDDLE: f64 = 250.0;
 
 /// The judge's class of a swarm in the paper's world. Agent `a` is at `path(a, step)` in each of the last 160 steps.
 fn class_of(agents: u32, path: impl Fn(u32, f64) -> [f64; 2]) -> Class {
@@ -32,25 +32,25 @@ fn class_of(agents: u32, path: impl Fn(u32, f64) -> [f64; 2]) -> Class {
     judge(&motion, &world.unwrap()).class()
 }
 
-fn on_circle([x, y]: [f64; 2], radius: f64, turns: f64) -> [f64; 2] {
+pub(super) fn on_circle([x, y]: [f64; 2], radius: f64, turns: f64) -> [f64; 2] {
     let (sine, cosine) = libm::sincos(turns * TAU);
     [x + radius * cosine, y + radius * sine]
 }
 
 /// The radius of a ring of this many touching robots.
-fn tight(agents: u32) -> f64 {
+pub(super) fn tight(agents: u32) -> f64 {
     f64::from(agents) * TOUCHING / TAU
 }
 
 /// A rotating swarm: its centre, and the length of the arc that an agent moves in a step, signed by direction.
-fn turning() -> impl Strategy<Value = ([f64; 2], f64)> {
+pub(super) fn turning() -> impl Strategy<Value = ([f64; 2], f64)> {
     let middle = MIDDLE - 30.0..MIDDLE + 30.0_f64;
     let speed = prop_oneof![-1.9..-0.3_f64, 0.3..1.9_f64];
     ([middle.clone(), middle], speed)
 }
 
 /// Places of agents in a packed clump: the places of a triangular lattice that are nearest to its centre.
-fn packed(agents: u32, spacing: f64) -> Vec<[f64; 2]> {
+pub(super) fn packed(agents: u32, spacing: f64) -> Vec<[f64; 2]> {
     let places = (-12..=12).flat_map(|row: i32| {
         (-12..=12).map(move |column: i32| {
             let shift = f64::from(row.rem_euclid(2)) / 2.0;

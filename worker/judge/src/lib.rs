@@ -9,15 +9,19 @@ mod body;
 mod geometry;
 #[cfg(test)]
 mod hand_made;
+#[cfg(test)]
+mod hand_made_species;
 mod motion;
 mod nearby;
 mod rules;
+mod species;
 mod walls;
 mod window;
 
 pub use arrangement::Arrangement;
 pub use body::Body;
 pub use motion::Motion;
+pub use species::{Against, Alone, Pair};
 pub use walls::Walls;
 
 use murmuration_swarm::{Class, Frames, Replay, Verdict, World};
@@ -41,11 +45,24 @@ pub fn frames(world: &World) -> Frames {
 /// agents.
 #[must_use]
 pub fn judge(replay: &Replay, world: &World) -> Verdict {
-    let measures = Measures::of(replay, world);
-    match (measures.class(world), measures.pattern()) {
-        (Class::Random, Some(pattern)) => Verdict::Pattern(pattern),
-        (class, _) => Verdict::Class(class),
-    }
+    judge_species(replay, &[], world)
+}
+
+/// Judges the end of a motion of several species in `world`, as [`judge`] does. `species` has the place of each robot's species, in
+/// index order.
+///
+/// A pattern that both species form together ([`Pair::joint_pattern`]) is the verdict, whatever the class of the whole swarm. Only
+/// if the swarm follows walls, and one of the species has hardly any robots, the class stands. A ring of one species
+/// ([`Pair::has_own_ring`]) is the verdict if the class of the whole swarm is random, milling or wall following, because some rings
+/// beside robots that move or stand at the walls pass for these. A swarm that is not of two species gets the verdict of [`judge`].
+#[must_use]
+pub fn judge_species(replay: &Replay, species: &[usize], world: &World) -> Verdict {
+    let window = Window::of(replay, world);
+    let measures = Measures::of_window(&window, world, &Scale::of(world));
+    let class = measures.class(world);
+    let of_two = Pair::of(&window, species, world).and_then(|pair| pair.pattern(class, world));
+    let pattern = of_two.or_else(|| measures.pattern().filter(|_| class == Class::Random));
+    pattern.map_or(Verdict::Class(class), Verdict::Pattern)
 }
 
 /// Measures of the last 160 steps of a swarm. All measures are 0 or more; lengths are in the units of [`Scale`].
@@ -61,13 +78,15 @@ impl Measures {
     /// Measures the end of a replay. The time grows with the square of the number of agents.
     #[must_use]
     pub fn of(replay: &Replay, world: &World) -> Self {
-        let scale = Scale::of(world);
-        let window = Window::of(replay, world);
-        let (motion, shared) = Motion::of(&window, &scale);
+        Self::of_window(&Window::of(replay, world), world, &Scale::of(world))
+    }
+
+    fn of_window(window: &Window, world: &World, scale: &Scale) -> Self {
+        let (motion, shared) = Motion::of(window, scale);
         Self {
-            arrangement: Arrangement::of(&window, &scale),
-            body: Body::of(&window, &shared),
-            walls: Walls::of(&window, world, &scale),
+            arrangement: Arrangement::of(window, scale),
+            body: Body::of(window, &shared),
+            walls: Walls::of(window, world, scale),
             motion,
         }
     }
@@ -86,7 +105,12 @@ pub struct Scale {
 impl Scale {
     #[must_use]
     pub fn of(world: &World) -> Self {
-        let agents = f64::from(world.agents());
+        Self::of_robots(world, world.agents() as usize)
+    }
+
+    /// The units for `robots` of the robots in `world`.
+    fn of_robots(world: &World, robots: usize) -> Self {
+        let agents = robots as f64;
         let sides = [world.width(), world.height()].map(|side| side - 2.0 * world.margin());
         Self {
             radius: world.radius(),

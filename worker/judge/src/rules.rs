@@ -4,13 +4,19 @@
 //! simulator's motions from the same starts. The two kinds of motions differ for chaotic swarms. Lengths are in the units of
 //! [`Scale`](super::Scale). For the accuracy of the rules see `docs/judge.md`.
 
-use super::{Arrangement, Body, Measures, Motion, Walls};
+use super::{Against, Alone, Arrangement, Body, Measures, Motion, Pair, Walls, window::ratio};
 use murmuration_swarm::{Class, Pattern, World};
 
 /// Maximum spread of a clump: the median distance of its agents from its middle, in packed radii. A tight disc has 0.7.
 const CLUMP_SPREAD: f64 = 1.78;
 /// Minimum number of agents of a cluster: two agents can meet by chance.
 const CLUSTER: usize = 3;
+/// Minimum number of robots of a species that is a ring of its own, and of each species of a two-coloured mill.
+const RING: usize = 5;
+/// Minimum ratio of the radii of two species that turn at the same radius.
+const SAME_RADIUS: f64 = 0.72;
+/// Maximum distance of the middles of two species that turn about a common middle, in radii of the wider species' paths.
+const COMMON_MIDDLE: f64 = 0.3;
 
 impl Measures {
     /// The class of a motion with these measures in `world`: [`Class::Random`] if the rules' class has no meaning in that world.
@@ -82,6 +88,91 @@ impl Measures {
         let turning = arrangement.homes <= 0.22 && motion.turning >= 2.0;
         (apart || turning).then_some(Pattern::SmallClusters)
     }
+}
+
+impl Pair {
+    /// The pattern of a motion with these measures, if the class of the whole swarm in `world` is `class`.
+    #[must_use]
+    pub fn pattern(&self, class: Class, world: &World) -> Option<Pattern> {
+        let has_own_ring = || {
+            let is_open = matches!(class, Class::Random | Class::Milling | Class::WallFollowing);
+            (is_open && self.has_own_ring(world)).then_some(Pattern::OwnRing)
+        };
+        // A stream along all walls surrounds everything.
+        let is_stream = class == Class::WallFollowing && !self.has_no_stray_species();
+        let joint = self.joint_pattern().filter(|_| !is_stream);
+        joint.or_else(has_own_ring)
+    }
+
+    /// The pattern that both species form together, if there is one: they turn together, or one surrounds the other.
+    #[must_use]
+    pub fn joint_pattern(&self) -> Option<Pattern> {
+        let [both_turn, both_mill] =
+            [turns, mills].map(|holds| self.alone.iter().all(|species| holds(&species.measures.body)));
+        let enough = self.alone.iter().all(|species| species.robots >= RING);
+        if both_mill && enough && self.offset <= COMMON_MIDDLE && self.narrower() >= SAME_RADIUS {
+            Some(Pattern::TwoColouredMill)
+        } else if both_turn && self.against.iter().any(is_loop_around) {
+            Some(Pattern::EmbeddedCycles)
+        } else if self.against.iter().any(is_closed_rim_around) {
+            Some(Pattern::Containment)
+        } else {
+            None
+        }
+    }
+
+    /// Whether one species goes round in a loop of its own. Both species have a loop of their own only if they are apart.
+    #[must_use]
+    pub fn has_own_ring(&self, world: &World) -> bool {
+        self.alone.iter().any(|species| species.is_ring(world))
+    }
+
+    /// Whether each species is more than the strays of a swarm: a fifth of all robots.
+    #[must_use]
+    pub fn has_no_stray_species(&self) -> bool {
+        let robots = self.alone.each_ref().map(|species| species.robots);
+        robots.iter().all(|&own| 5 * own >= robots.iter().sum())
+    }
+
+    /// The smaller radius of the two species, divided by the larger.
+    fn narrower(&self) -> f64 {
+        let [a, b] = self.alone.each_ref().map(|species| species.radius);
+        ratio(a.min(b), a.max(b))
+    }
+}
+
+impl Alone {
+    /// At least five robots that go round in a loop, as if they were the whole swarm.
+    fn is_ring(&self, world: &World) -> bool {
+        let Body {
+            tangential, round, ..
+        } = self.measures.body;
+        let is_loop = matches!(
+            self.measures.class(world),
+            Class::CyclicPursuit | Class::NestedCycle | Class::ConcavePath
+        );
+        self.robots >= RING && is_loop && tangential >= 0.92 && round >= 0.3
+    }
+}
+
+/// Nearly all robots go the same way round, with or without an empty middle.
+fn turns(body: &Body) -> bool {
+    body.one_way >= 0.8 && body.tangential >= 0.7 && body.round >= 0.25
+}
+
+/// Nearly all robots go the same way round, and hardly to and fro.
+fn mills(body: &Body) -> bool {
+    body.one_way >= 0.8 && body.tangential >= 0.85 && body.round >= 0.4
+}
+
+/// Most robots of the other species are inside, and see robots of this species on all sides. This species may fill a wide band.
+fn is_loop_around(against: &Against) -> bool {
+    against.encloses >= 0.6 && against.gap <= 1.3 && against.rim <= 0.4
+}
+
+/// A rim without a wide gap around most robots of the other species. A quarter of the rim's robots can be strays inside.
+fn is_closed_rim_around(against: &Against) -> bool {
+    against.encloses >= 0.6 && against.gap <= 1.0 && against.rim <= 0.06
 }
 
 /// A ring pressed on walls, or a stream along all walls. Agents inside the ring or stream do not matter.

@@ -52,6 +52,15 @@ impl Window {
         Self { paths }
     }
 
+    /// The paths of some agents: those whose number `chosen` holds for, in index order.
+    pub(super) fn only(&self, chosen: impl Fn(usize) -> bool) -> Self {
+        let paths = self.paths.iter().enumerate();
+        let paths = paths.filter(|&(agent, _)| chosen(agent));
+        Self {
+            paths: paths.map(|(_, path)| path.clone()).collect(),
+        }
+    }
+
     /// One path per agent, in index order, each of 41 points.
     pub(super) fn paths(&self) -> &[Vec<Point>] {
         &self.paths

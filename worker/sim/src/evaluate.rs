@@ -86,7 +86,9 @@ impl Evaluator {
         }
         let evaluation = Evaluation::new(ending.features.means(), ending.rasteriser.image(), &self.format)?;
         let verdicts = recorder
-            .map(|recorder| recorder.verdicts(&self.world))
+            .map(|recorder| {
+                recorder.verdicts(&controller.species_of_robots(self.world.agents()), &self.world)
+            })
             .transpose()?;
         Ok(evaluation.judged(verdicts.and_then(|verdicts| verdicts.first().copied())))
     }

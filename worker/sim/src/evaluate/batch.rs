@@ -119,7 +119,8 @@ impl Tasks<'_> {
             record(simd, &mut recorder, &batch);
         }
         let verdicts = recorder
-            .map(|recorder| recorder.verdicts(self.world))
+            // All robots of a batch are of one species.
+            .map(|recorder| recorder.verdicts(&[], self.world))
             .transpose()?;
         let evaluation = |lane: usize| {
             let image = self.rasteriser.image_of(lane);

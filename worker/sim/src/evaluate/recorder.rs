@@ -46,15 +46,16 @@ impl Recorder {
         }
     }
 
-    /// The judge's verdict on each swarm.
+    /// The judge's verdict on each swarm. `species` has the place of each robot's species; empty if all robots are of one species.
     ///
     /// # Errors
     /// Fails if a position is not finite.
-    pub(super) fn verdicts(self, world: &World) -> Result<Vec<Verdict>, Invalid> {
+    pub(super) fn verdicts(self, species: &[usize], world: &World) -> Result<Vec<Verdict>, Invalid> {
         let agents = world.agents() as usize;
         let verdict = |poses| {
-            Ok(judge::judge(
+            Ok(judge::judge_species(
                 &Replay::new(self.steps.clone(), agents, poses)?,
+                species,
                 world,
             ))
         };

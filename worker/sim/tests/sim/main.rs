@@ -3,6 +3,7 @@
 
 mod bounds;
 mod case;
+mod case_species;
 mod evaluate;
 mod observed;
 mod proptest_cases;
