@@ -41,6 +41,9 @@ pub struct JudgeCommand {
     /// Also write the second judge's measures of each swarm to this CSV, to train the second judge
     #[arg(long, value_name = "CSV")]
     measures: Option<PathBuf>,
+    /// Also write the rule-based judge's verdict on each swarm, its pattern or else its class, to this CSV
+    #[arg(long, value_name = "CSV")]
+    verdicts: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
 }
@@ -48,15 +51,20 @@ pub struct JudgeCommand {
 impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
         self.check_starts()?;
-        if let Some(table) = &self.measures {
-            FileType::Csv.check("--measures", table)?;
+        let outputs = [("--measures", &self.measures), ("--verdicts", &self.verdicts)];
+        let outputs = outputs.map(|(option, table)| table.as_ref().map(|table| (option, table)));
+        let outputs: Vec<_> = outputs.into_iter().flatten().collect();
+        for &(option, table) in &outputs {
+            FileType::Csv.check(option, table)?;
+        }
+        if !outputs.is_empty() {
             // Without --starts, the command reads the files of starts beside the labels.
             let beside: Vec<PathBuf> = match self.starts.is_empty() {
                 true => self.labels.iter().map(|labels| starts_file(labels)).collect(),
                 false => Vec::new(),
             };
             let inputs = self.labels.iter().chain(&self.starts).chain(&beside);
-            check_outputs([("--measures", table)], inputs, self.overwrite)?;
+            check_outputs(outputs, inputs, self.overwrite)?;
         }
         let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;
@@ -85,6 +93,11 @@ impl JudgeCommand {
         if let Some(table) = &self.measures {
             self.overwrite.write(table, measures_csv(&message))?;
         }
+        if let Some(table) = &self.verdicts {
+            self.overwrite.write(table, verdicts_csv(&message))?;
+        }
+        // Sets of one species have no patterns of two.
+        let patterns: Vec<_> = patterns.into_iter().filter(PatternCounts::is_shown).collect();
         let opinions = Opinions::of(&message);
         if global.json {
             json::print(self.document(&opinions, &patterns, &sets, &without_meaning))?;
@@ -176,6 +189,10 @@ impl PatternCounts {
         self.judged += u64::from(judged);
     }
 
+    fn is_shown(&self) -> bool {
+        !self.pattern.is_of_two_species() || self.given + self.judged > 0
+    }
+
     const fn document(&self) -> json::PatternCounts {
         json::PatternCounts {
             given: self.given,
@@ -188,6 +205,9 @@ impl PatternCounts {
 /// The verdicts of both judges on a swarm.
 #[derive(Debug)]
 struct Judged {
+    /// The class of the whole swarm, whatever the species, as the second judge knows it.
+    class: Class,
+    /// The verdict with the species, if there are several.
     verdict: Verdict,
     second: Class,
     /// The measures that the second judge decides by.
@@ -199,8 +219,10 @@ impl Judged {
         let world = &swarm.world;
         let motion = replay_frames(&swarm.controller, world, &swarm.start, &judge::frames(world))?;
         let measures = second_judge_measures(&motion, world);
+        let species = swarm.controller.species_of_robots(world.agents());
         Ok(Self {
-            verdict: judge::judge(&motion, world),
+            class: judge::judge(&motion, world).class(),
+            verdict: judge::judge_species(&motion, &species, world),
             second: second_judge_by(&measures, world),
             measures,
         })
@@ -226,7 +248,7 @@ struct Opinions<'a> {
 impl<'a> Opinions<'a> {
     fn of(message: &'a [Said]) -> Self {
         let opinions = message.iter().map(|((_, given), judged)| {
-            let first = judged.verdict.class().name();
+            let first = judged.class.name();
             (given.as_str(), first, judged.second.name())
         });
         Self {
@@ -271,6 +293,17 @@ fn measures_csv(message: &[Said]) -> Vec<u8> {
     for ((id, _), judged) in message {
         let values = judged.measures.iter().map(f64::to_string);
         let _ = table.write_record(iter::once(to_cell(id).into_owned()).chain(values));
+    }
+    table.into_inner().unwrap_or_default()
+}
+
+/// The verdicts of the rule-based judge as CSV, one row per behaviour.
+fn verdicts_csv(message: &[Said]) -> Vec<u8> {
+    let mut table = Writer::from_writer(Vec::new());
+    // Writing to memory cannot fail, and all rows have as many cells as the header.
+    let _ = table.write_record(["id", "class"]);
+    for ((id, _), judged) in message {
+        let _ = table.write_record([to_cell(id).as_ref(), judged.verdict.name()]);
     }
     table.into_inner().unwrap_or_default()
 }
