@@ -234,7 +234,8 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
 fn folding(record: &CampaignRecord, shown: &Shown, names: &[report::Shown]) -> (Groups, Groups) {
     let groups = alike::groups(shown);
     let (distinct, _) = report::distinct(names);
-    // The judge ignores species, so its names cannot show which behaviours of several species are of one kind.
+    // The judge knows only a few patterns of two species, so its names do not show which behaviours of several species are of one
+    // kind.
     if distinct.is_empty() || record.spec.model().species().len() > 1 {
         return (groups, Vec::new());
     }
