@@ -1,6 +1,6 @@
 //! The parts of a behaviour's card that reports and the coordinator's pages share, and their style sheet.
 
-use crate::judged::Purity;
+use crate::judged::{Purity, RANDOM};
 use maud::{Markup, html};
 use murmuration_swarm::{Controller, Verdict};
 
@@ -41,11 +41,16 @@ pub struct CardName {
 }
 
 impl CardName {
-    /// The judge's verdict as a name.
+    /// The judge's verdict on a medoid as the name of its cluster, of this purity. Clusters of which few members are of the
+    /// medoid's kind are mixed.
     #[must_use]
-    pub fn of_verdict(verdict: Verdict) -> Self {
+    pub fn of_verdict(verdict: Verdict, purity: Option<Purity>) -> Self {
+        let is_mixed = verdict != RANDOM && purity.is_some_and(Purity::is_low);
         Self {
-            name: verdict.words(),
+            name: match is_mixed {
+                true => format!("mixed; medoid: {}", verdict.words()),
+                false => verdict.words(),
+            },
             by: Namer::Judge,
         }
     }
@@ -93,7 +98,7 @@ pub fn heading(number: usize, name: Option<&CardName>, colour: Option<&str>) -> 
 /// of trials out of all trials.
 pub fn measures(share: &str, purity: Option<Purity>, robust: Option<(usize, usize)>) -> Markup {
     html! {
-        strong { (share) }
+        strong { (share) } " cluster"
         @if let Some(purity) = purity { " · purity " (purity.alike) " of " (purity.known) }
         @if let Some((robust, starts)) = robust { " · robust in " (robust) " of " (starts) }
     }

@@ -49,7 +49,9 @@ fn affordable(spec: &CampaignSpec) -> usize {
     if world.agents() < FEWEST_ROBOTS || world.horizon() < spec.image().window() {
         return 0;
     }
-    let steps = u64::from(world.agents()) * u64::from(world.horizon());
+    // The time of a step grows with the square of the number of robots, once there are many.
+    let weight = u64::from(world.agents() / 64).max(1);
+    let steps = u64::from(world.agents()) * u64::from(world.horizon()) * weight;
     usize::try_from(MOST_STEPS / steps.max(1)).unwrap_or(SAMPLE)
 }
 
@@ -100,6 +102,32 @@ impl Judged {
         })
     }
 
+    /// The kinds that the judge names on cards or at least twice in the sample, each with its share of the sample in percent, if the
+    /// sample has it; the most frequent first.
+    fn kinds(&self, on_cards: impl Iterator<Item = String>) -> Vec<(String, Option<f64>)> {
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        for (_, verdict) in self.sample.iter().filter(|(_, verdict)| *verdict != RANDOM) {
+            *counts.entry(verdict.words()).or_default() += 1;
+        }
+        let mut kinds: Vec<String> = on_cards.collect();
+        let further = counts.iter().filter(|(_, count)| **count > 1);
+        for (name, _) in further {
+            if !kinds.contains(name) {
+                kinds.push(name.clone());
+            }
+        }
+        let count = |name: &String| counts.get(name).copied().unwrap_or_default();
+        kinds.sort_by_key(|name| std::cmp::Reverse(count(name)));
+        let share = |count: usize| (count > 0).then(|| 100.0 * count as f64 / self.sample.len() as f64);
+        kinds
+            .into_iter()
+            .map(|name| {
+                let share = share(count(&name));
+                (name, share)
+            })
+            .collect()
+    }
+
     /// The share of the sample that is of the class `random` without a pattern, 0 to 1; `None` if there is no sample.
     fn random_share(&self) -> Option<f64> {
         let random = self.sample.iter().filter(|(_, verdict)| *verdict == RANDOM);
@@ -115,18 +143,24 @@ pub enum Shown {
     Named(String),
     /// A behaviour that only the rule-based judge names.
     Judged(String),
+    /// A behaviour that only the judge names, in a cluster of whose members few are of this kind.
+    Mixed,
     /// A behaviour without a name, or a random behaviour.
     Random,
 }
 
 impl Shown {
-    /// The name of a card from an annotator's name for the behaviour, if any, and the judge's verdict, if any.
-    pub fn of(name: Option<&ClassName>, verdict: Option<Verdict>) -> Self {
+    /// The name of a card from an annotator's name for the behaviour, if any, the judge's verdict, if any, and the purity of the
+    /// cluster, if it is known.
+    pub fn of(name: Option<&ClassName>, verdict: Option<Verdict>, purity: Option<Purity>) -> Self {
         let is_random = |name: &str| name.eq_ignore_ascii_case(Class::Random.name());
         match (name, verdict) {
             (Some(name), _) if is_random(&name.shown()) => Self::Random,
             (Some(name), _) => Self::Named(name.shown()),
-            (None, Some(verdict)) if verdict != RANDOM => Self::Judged(verdict.words()),
+            (None, Some(verdict)) if verdict != RANDOM => match purity.is_some_and(Purity::is_low) {
+                true => Self::Mixed,
+                false => Self::Judged(verdict.words()),
+            },
             (None, _) => Self::Random,
         }
     }
@@ -135,7 +169,7 @@ impl Shown {
     fn key(&self) -> Option<ClassKey> {
         match self {
             Self::Named(name) | Self::Judged(name) => Some(ClassKey::from(name.as_str())),
-            Self::Random => None,
+            Self::Mixed | Self::Random => None,
         }
     }
 
@@ -159,20 +193,21 @@ pub fn distinct(shown: &[Shown]) -> (Vec<usize>, Vec<usize>) {
 
 /// Summary of the cards that are folded beneath the distinct behaviours.
 pub fn folded(shown: &[Shown], places: &[usize]) -> String {
-    let random = places
-        .iter()
-        .filter(|&&place| shown[place] == Shown::Random)
-        .count();
-    let alike = places.len() - random;
-    let random = (random > 0).then(|| format!("{random} random"));
-    let alike = (alike > 0).then(|| format!("{alike} of a kind that is shown above"));
-    let parts: Vec<String> = random.into_iter().chain(alike).collect();
+    let count = |kind: &Shown| places.iter().filter(|&&place| shown[place] == *kind).count();
+    let (random, mixed) = (count(&Shown::Random), count(&Shown::Mixed));
+    let parts = [
+        (random, "random"),
+        (mixed, "mixed"),
+        (places.len() - random - mixed, "of a kind that is shown above"),
+    ];
+    let parts = parts.into_iter().filter(|(count, _)| *count > 0);
+    let parts: Vec<String> = parts.map(|(count, kind)| format!("{count} {kind}")).collect();
     format!("{} more: {}", places.len(), parts.join(", "))
 }
 
 /// Summary of the findings in one paragraph; empty if no behaviour has a name.
 pub fn answer(shown: &[Shown], judged: &Judged) -> Markup {
-    let found = found(shown);
+    let found = found(shown, judged);
     html! {
         @if !found.is_empty() {
             p.findings {
@@ -189,7 +224,7 @@ pub fn answer(shown: &[Shown], judged: &Judged) -> Markup {
 /// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and the number of further
 /// kinds of behaviour that the judge names. Nearly equal names of annotators count as one name. The judge makes mistakes, so the
 /// number of its names is no lower bound.
-fn found(shown: &[Shown]) -> Vec<(String, String)> {
+fn found(shown: &[Shown], judged: &Judged) -> Vec<(String, String)> {
     let (places, _) = distinct(shown);
     // Groups of annotators' names that are nearly equal.
     let mut named: Vec<Vec<&str>> = Vec::new();
@@ -205,11 +240,18 @@ fn found(shown: &[Shown]) -> Vec<(String, String)> {
             }
         }
     }
-    let judged = places.iter().filter_map(|&place| match &shown[place] {
-        Shown::Judged(name) if near(&named, name).is_none() => Some(name.as_str()),
+    let on_cards = places.iter().filter_map(|&place| match &shown[place] {
+        Shown::Judged(name) => Some(name.clone()),
         _ => None,
     });
-    let judged: Vec<&str> = judged.collect();
+    let judged = judged.kinds(on_cards).into_iter();
+    let judged = judged.filter(|(name, _)| near(&named, name).is_none());
+    let judged: Vec<String> = judged
+        .map(|(name, share)| match share {
+            Some(share) => format!("{name} ({share:.0} %)"),
+            None => name,
+        })
+        .collect();
     let more = if named.is_empty() { "" } else { " more" };
     let named = (!named.is_empty()).then(|| {
         let count = counted(named.len() as u64, "distinct behaviour");
@@ -228,7 +270,7 @@ fn found(shown: &[Shown]) -> Vec<(String, String)> {
 }
 
 /// A behaviour of the class `random` without a pattern.
-const RANDOM: Verdict = Verdict::Class(Class::Random);
+pub(crate) const RANDOM: Verdict = Verdict::Class(Class::Random);
 
 impl Report {
     /// The name of each card, in the order of the taxonomy.
@@ -238,6 +280,7 @@ impl Report {
             Shown::of(
                 name.map(|name| name.class),
                 self.judged.medoids.get(place).copied(),
+                self.purity(place),
             )
         };
         (0..self.medoids.len()).map(shown).collect()
@@ -297,9 +340,22 @@ impl Purity {
         });
         labelled.or_else(|| {
             let verdict = *judged.medoids.get(place)?;
+            // The judge's verdicts say nothing about a class that the judge does not give to the medoid.
+            if given
+                .get(&medoid)
+                .is_some_and(|own| own.class.key().as_str() != verdict.name())
+            {
+                return None;
+            }
             let others = judged.sample.iter().filter(|(other, _)| is_other(*other));
             Self::of(others.map(|(_, other)| *other == verdict), false)
         })
+    }
+
+    /// Whether so few members are of the medoid's class that its name does not name the cluster: less than a third of five or more.
+    #[must_use]
+    pub const fn is_low(self) -> bool {
+        self.known >= 5 && 3 * self.alike < self.known
     }
 
     /// The explanation that a pointer shows.
@@ -336,6 +392,7 @@ mod tests {
         Entry,
         sample::{self, SMALL},
     };
+    use murmuration_swarm::Pattern;
 
     #[test]
     fn a_sample_is_judged_where_there_are_enough() {
@@ -373,7 +430,7 @@ mod tests {
         let named = |name: &str| Shown::Named(name.to_owned());
         let judged = |name: &str| Shown::Judged(name.to_owned());
         let message = |shown: &[Shown]| {
-            let message = found(shown).into_iter();
+            let message = found(shown, &Judged::default()).into_iter();
             message
                 .map(|(count, names)| format!("{count}: {names}"))
                 .collect::<Vec<_>>()
@@ -465,7 +522,52 @@ mod tests {
         .into();
         assert_eq!(of(&report, 0), Some((1, 2, true)));
         report.names.by_individual.retain(|index, _| *index == medoid);
+        assert_eq!(of(&report, 0), None, "the judge has no class `wall`");
+        let milling = GivenClass {
+            class: "milling".parse().unwrap(),
+            by_machine: false,
+        };
+        report.names.by_individual.insert(medoid, milling);
         assert_eq!(of(&report, 0), Some((1, 2, false)));
+    }
+
+    #[test]
+    fn kinds_have_their_share_of_the_sample_and_mixed_clusters_are_not_named() {
+        let [milling, chain] = [Verdict::Class(Class::Milling), Verdict::Pattern(Pattern::Chain)];
+        let dispersal = Verdict::Class(Class::Dispersal);
+        let sample = [
+            vec![dispersal; 5],
+            vec![milling; 2],
+            vec![RANDOM; 12],
+            vec![chain],
+        ]
+        .concat();
+        let judged = Judged {
+            medoids: Vec::new(),
+            sample: (0..).zip(sample).collect(),
+        };
+        let purity = |alike| {
+            Some(Purity {
+                alike,
+                known: 12,
+                by_labels: false,
+            })
+        };
+        let shown = [
+            Shown::of(None, Some(milling), purity(4)),
+            Shown::of(None, Some(milling), purity(3)),
+            Shown::of(None, Some(RANDOM), purity(12)),
+        ];
+        assert_eq!(shown[1], Shown::Mixed);
+        let found = found(&shown, &judged);
+        assert_eq!(
+            found,
+            [(
+                "The rule-based judge names 2 kinds of behaviour".to_owned(),
+                "dispersal (25 %), milling (10 %)".to_owned()
+            )]
+        );
+        assert_eq!(folded(&shown, &[1, 2]), "2 more: 1 random, 1 mixed");
     }
 
     #[test]

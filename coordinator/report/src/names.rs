@@ -87,7 +87,7 @@ impl Report {
             },
         });
         let verdict = self.judged.medoids.get(place);
-        given.or_else(|| verdict.copied().map(CardName::of_verdict))
+        given.or_else(|| verdict.map(|verdict| CardName::of_verdict(*verdict, self.purity(place))))
     }
 }
 

@@ -87,8 +87,8 @@ pub enum MirrorError {
     #[error("others write to the mirror {0} all the time: end them first")]
     Contested(String),
     #[error(
-        "the mirror {place} cannot keep the database, {bytes} bytes, once more: {source}; make room for it, so that the coordinator that \
-         has the mirror does not end in vain"
+        "the mirror {place} cannot keep the database, {bytes} bytes, once more: {source}. The coordinator that has the mirror keeps it: \
+         otherwise it would end in vain"
     )]
     NoRoom {
         place: String,
@@ -359,7 +359,7 @@ impl Claimed {
         if self.entries.objects.folder().is_none() {
             return Ok(());
         }
-        let bytes = restore.bytes()?;
+        let bytes = restore.bytes().await?;
         let tried = self.entries.try_room(bytes, &self.writer).await;
         tried.map_err(|source| MirrorError::NoRoom {
             place: self.entries.objects.to_string(),

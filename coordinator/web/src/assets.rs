@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, except the scripts that the pages share with reports.
-const ASSETS: [(&str, &str, &str); 59] = [
+const ASSETS: [(&str, &str, &str); 60] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -46,6 +46,7 @@ const ASSETS: [(&str, &str, &str); 59] = [
     ("lasso.js", SCRIPT, include_str!("assets/lasso.js")),
     ("map.js", SCRIPT, include_str!("assets/map.js")),
     ("marks.js", SCRIPT, include_str!("assets/marks.js")),
+    ("menu.js", SCRIPT, include_str!("assets/menu.js")),
     ("menus.js", SCRIPT, include_str!("assets/menus.js")),
     ("moving.js", SCRIPT, include_str!("assets/moving.js")),
     ("new.js", SCRIPT, include_str!("assets/new.js")),

@@ -121,6 +121,8 @@ pub(super) async fn gif(
 /// Maximum number of robot steps that this process simulates for a picture of paths: those of 20 swarms of the paper, which take
 /// some 50 ms.
 const MOST_STEPS: u64 = 20 * 24 * 1200;
+/// Maximum number of robots of such a swarm: the time of a step grows with the square of this number.
+const MOST_ROBOTS: u32 = 256;
 /// Side of a picture of paths, in pixels.
 const PATHS_SIZE: u32 = 400;
 
@@ -132,7 +134,8 @@ pub(super) async fn paths(
     OfCampaign { web, record, .. }: OfCampaign,
 ) -> Result<Response, PageError> {
     let world = record.spec.world();
-    if u64::from(world.agents()) * u64::from(world.horizon()) > MOST_STEPS {
+    let steps = u64::from(world.agents()) * u64::from(world.horizon());
+    if world.agents() > MOST_ROBOTS || steps > MOST_STEPS {
         return Ok(Redirect::temporary(&archived::picture(&record, index)).into_response());
     }
     let kept = created.keep(&record);

@@ -114,18 +114,23 @@ impl Names {
             (std::cmp::Reverse(shared), place)
         });
         let mut uncarried = Vec::new();
+        // A name that a medoid of this version has by itself is not lost.
+        let own: Vec<ClassName> = after.iter().flatten().map(|name| name.class.clone()).collect();
+        let is_lost = |class: &ClassName| !own.contains(class);
         for (place, class, to) in known {
             let of = change.size_before(place);
             let Some((to, name)) = to.and_then(|to| Some((to, after.get_mut(to)?))) else {
                 let most_in = change.largest_part(place);
                 let shared = most_in.map_or(0, |most_in| change.shared(place, most_in));
                 let why = NotCarried::Spread { most_in, shared, of };
-                uncarried.push((place, class, why));
+                if is_lost(class) {
+                    uncarried.push((place, class, why));
+                }
                 continue;
             };
             match name {
                 Some(name) if name.origin != Origin::Judge => {
-                    if name.class != *class {
+                    if name.class != *class && is_lost(class) {
                         let by = name.class.clone();
                         uncarried.push((place, class, NotCarried::Outdone { place: to, by }));
                     }

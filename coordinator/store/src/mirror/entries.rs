@@ -321,6 +321,7 @@ impl Entries {
 
     /// Writes an object of `bytes` bytes, and gives it up again before it has its name.
     pub(super) async fn try_room(&self, bytes: u64, writer: &str) -> Result<(), MirrorError> {
+        self.remove_trials();
         let path = self.objects.path(&format!("{TRIALS}/{writer}"));
         let mut upload = self.within(self.objects.store.put_multipart(&path)).await?;
         let mut random = vec![0; PART_BYTES];
@@ -338,6 +339,25 @@ impl Entries {
         }
         let aborted = self.within(upload.abort()).await;
         written.and(aborted)
+    }
+
+    /// Removes what a process left that was killed during its trial, unless it is young: it may be that of a process that lives.
+    /// Failures do no harm.
+    fn remove_trials(&self) {
+        let Some(folder) = self.objects.folder() else {
+            return;
+        };
+        for entry in std::fs::read_dir(folder.join(TRIALS))
+            .into_iter()
+            .flatten()
+            .flatten()
+        {
+            let made = entry.metadata().and_then(|file| file.modified());
+            let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > KEPT));
+            if is_old {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// Returns the size and digest of the file.
@@ -392,6 +412,7 @@ impl Entries {
     /// another process may have gone on from the mirror, and written them. A failure is only logged.
     pub(super) async fn remove_before(&self, first: u64, snapshot: &str) {
         let old = async {
+            self.remove_trials();
             let mut entries = self.list().await?;
             entries.retain(|&number, listed| number < first && listed.bytes > LONGEST_CLAIM);
             let entries = entries.into_iter();

@@ -70,10 +70,25 @@ impl Restore {
         self.arriving.path().join(Store::FILE)
     }
 
-    /// Size of the database and its log, which the database has room for.
-    pub(super) fn bytes(&self) -> io::Result<u64> {
-        let log = self.log.as_ref().map_or(0, |log| log.bytes);
-        Ok(self.database().metadata()?.len() + log)
+    /// Size of the database once its log is written into it. The database must be checked already.
+    pub(super) async fn bytes(&self) -> Result<u64, MirrorError> {
+        let database = self.database();
+        let measure = move || -> Result<u64, StoreError> {
+            let named = |source| StoreError::from_sqlite(source, &database);
+            let connection = Connection::open(&database).map_err(named)?;
+            // The log stays, so that further entries can follow.
+            let stays = DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE;
+            connection.set_db_config(stays, true).map_err(named)?;
+            let figure = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
+            let pages = figure("page_count").map_err(named)?;
+            let size = figure("page_size").map_err(named)?;
+            connection.close().map_err(|(_, source)| named(source))?;
+            Ok(pages.unsigned_abs().saturating_mul(size.unsigned_abs()))
+        };
+        let measured = crate::blocking::changing(measure)
+            .await
+            .map_err(StoreError::from)?;
+        Ok(measured?)
     }
 
     /// Adds the entries up to `newest`. Returns whether they follow: after another snapshot, the database must be made from it.

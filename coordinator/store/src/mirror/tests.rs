@@ -693,6 +693,9 @@ async fn a_mirror_without_room_is_not_taken_from_its_writer() {
     );
     first.add(10).await.unwrap();
     fs::remove_file(&trials).unwrap();
+    // A process was killed during its trial.
+    fs::create_dir(&trials).unwrap();
+    fs::write(trials.join("0123456789abcdef#1"), "part").unwrap();
     let second = place.start("second", true).await.unwrap();
     assert!(second.rows() == first.rows());
     assert_eq!(fs::read_dir(&trials).unwrap().count(), 0);

@@ -85,7 +85,7 @@ list.addEventListener("change", ({ target }) => {
   tell();
 });
 list.addEventListener("click", ({ target }) => {
-  const summary = target.closest("summary");
+  const summary = target.closest(".study > details > summary");
   if (!summary) return;
   const { id } = summary.closest(".study");
   if (summary.parentElement.open) unfolded.delete(id);

@@ -2,6 +2,7 @@
 // has slots (data-slot), only the content of these slots changes.
 import "./ask.js";
 import { listen } from "./events.js";
+import "./menu.js";
 
 // Functions that end event streams, by the element that follows the stream.
 const streams = new Map();

@@ -48,7 +48,7 @@ const STAYS_MS = 3000;
 let next = null;
 follow((seen) => {
   if (next !== null || seen.archive_state === archiveState) return;
-  next = setTimeout(() => location.reload(), Math.max(0, STAYS_MS - performance.now()));
+  next = setTimeout(reload, Math.max(0, STAYS_MS - performance.now()));
 });
 
 // Message to show after the reload.
@@ -61,7 +61,35 @@ if (message && status) {
 
 function again(words) {
   sessionStorage.setItem(MESSAGE, words);
+  reload();
+}
+
+// Names that were typed and not saved stay over a reload.
+const TYPED = "murmuration.typed";
+const fields = () => [...document.querySelectorAll(".medoid .naming")].map((form) => [form.dataset.index, form.elements.name]);
+function reload() {
+  const typed = fields().filter(([, field]) => field.value !== field.defaultValue);
+  sessionStorage.setItem(TYPED, JSON.stringify(Object.fromEntries(typed.map(([index, field]) => [index, field.value]))));
   location.reload();
+}
+const typed = JSON.parse(sessionStorage.getItem(TYPED) ?? "{}");
+sessionStorage.removeItem(TYPED);
+for (const [index, field] of fields()) if (index in typed) field.value = typed[index];
+
+// Shows on the cards of an individual the name that was saved.
+function show(index, name) {
+  for (const card of document.querySelectorAll(`.medoid[data-index="${index}"]`)) {
+    const [heading, form] = [card.querySelector(".name h2"), card.querySelector(".naming")];
+    const swatch = heading?.querySelector(".swatch");
+    if (swatch) heading.replaceChildren(swatch, Object.assign(document.createElement("span"), { textContent: name }));
+    const field = form.elements.name;
+    // Something else may be typed into the field by now.
+    if (field.value === "" || field.value === name) field.value = field.defaultValue = name;
+    delete form.dataset.suggested;
+    field.placeholder = "Name it";
+    form.querySelector("button").textContent = "Saved";
+    field.addEventListener("input", () => (form.querySelector("button").textContent = "Save"), { once: true });
+  }
 }
 
 // Shows the further starts of a medoid in a dialog; the link itself leads to a page of these starts.
@@ -111,7 +139,8 @@ if (status) {
   // The message that the page shows after its reload, if the answer that is being sent changes the page.
   let after = null;
   const outbox = new Outbox(await session(), {
-    told({ path }, reply) {
+    told({ path, body }, reply) {
+      if (path === "labels" && body.answers.length === 1) show(body.answers[0].index, body.answers[0].answer);
       if (path === "undo") after = reply.individuals.length ? "Your last answer is undone." : "There is nothing to undo.";
     },
     refused(_, error) {

@@ -8,6 +8,7 @@ use super::{
     problems::Problem,
 };
 use maud::{Markup, html};
+use murmuration_swarm::text::beginning;
 use murmuration_swarm::{CampaignSpec, EmbedderSource, Feedback, counted, grouped};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -130,6 +131,9 @@ fn told(problems: &[Problem], draft: &Draft) -> Markup {
     }
 }
 
+/// Maximum number of characters of a quoted line.
+const LONGEST_QUOTED: usize = 400;
+
 /// An error of a campaign file, with its line.
 fn told_of_file(problem: &Problem, text: &str) -> Markup {
     let is_quoted = problem.text.contains(" | ");
@@ -137,7 +141,7 @@ fn told_of_file(problem: &Problem, text: &str) -> Markup {
     let quoted = quoted.and_then(|line| Some((line, text.lines().nth(line - 1)?)));
     html! {
         @if let Some(line) = problem.line { "Line " (line) ":" }
-        pre { code { (problem.text) @if let Some((line, text)) = quoted { "\n" (line) " | " (text) } } }
+        pre { code { (problem.text) @if let Some((line, text)) = quoted { "\n" (line) " | " (beginning(text, LONGEST_QUOTED)) } } }
     }
 }
 

@@ -7,6 +7,7 @@ use super::{
     matching::{Behaviour, Group, by_class, by_distance},
 };
 use maud::{Markup, html};
+use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, labels::ClassName};
 use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
@@ -54,6 +55,7 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
                 mean_distance: medoid.mean_distance,
                 class: named
                     .class(place)
+                    .filter(|class| class.key().as_str() != RANDOM)
                     .cloned()
                     .or_else(|| judged(*words.get(&medoid.individual.index)?)),
             }

@@ -10,7 +10,7 @@ use murmuration_report::{
     Purity,
     card::{CardName, Sight, genes, heading, measures, sight},
 };
-use murmuration_swarm::{Verdict, counted, figure, grouped};
+use murmuration_swarm::{CampaignSpec, Verdict, counted, figure, grouped};
 
 pub(super) struct Card<'a> {
     pub(super) record: &'a CampaignRecord,
@@ -32,14 +32,14 @@ impl Card<'_> {
     /// The name of the behaviour, or else the judge's verdict on it.
     pub(super) fn card_name(&self) -> Option<CardName> {
         let given = self.name().map(on_card);
-        given.or_else(|| self.verdict().map(CardName::of_verdict))
+        given.or_else(|| {
+            self.verdict()
+                .map(|verdict| CardName::of_verdict(verdict, self.purity()))
+        })
     }
 
     fn purity(&self) -> Option<Purity> {
-        let (taxonomy, place) = (&self.shown.taxonomy, self.place);
-        let medoid = taxonomy.medoids[place].individual.index;
-        let (given, judged) = (self.shown.labels.given_classes(), &self.shown.measured.judged);
-        Purity::of_cluster(place, medoid, &taxonomy.clusters, &given, judged)
+        super::purity(self.shown, self.place)
     }
 
     /// The number of the medoid's robust trials, and of all its trials; `None` if individuals have one trial.
@@ -182,9 +182,9 @@ fn uses(card: &Card<'_>) -> Markup {
         div.choices {
             @if let Some(play) = &play {
                 a.button href={ "/play?" (play) } { "Play with it" (of()) }
-                form method="post" action={ "/play/search?" (play) } title="Starts a small campaign whose first generation begins with this controller" {
+                form method="post" action={ "/play/search?" (play) } title={ "Starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations, on hand-crafted features, whose first generation begins around this controller" } {
                     input type="hidden" name="request" value=(token());
-                    button.plain { "More like this" (of()) }
+                    button.plain { "More like this: search" (of()) }
                 }
             }
             a.button.further href={ "/campaigns/" (record.id) "/individuals/" (individual.index) "/starts" } {

@@ -176,6 +176,14 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
+/// The purity of a cluster, if it is known.
+fn purity(shown: &Shown, place: usize) -> Option<report::Purity> {
+    let taxonomy = &shown.taxonomy;
+    let medoid = taxonomy.medoids.get(place)?.individual.index;
+    let (given, judged) = (shown.labels.given_classes(), &shown.measured.judged);
+    report::Purity::of_cluster(place, medoid, &taxonomy.clusters, &given, judged)
+}
+
 /// The names of the cards, by place. A name that was carried over counts only if the judge does not contradict it.
 fn names(shown: &Shown) -> Vec<report::Shown> {
     let medoids = shown.taxonomy.medoids.iter().enumerate();
@@ -189,7 +197,7 @@ fn names(shown: &Shown) -> Vec<report::Shown> {
                 verdict.is_none_or(|verdict| verdict.name() == name.class.key().as_str())
             }
         });
-        report::Shown::of(name.map(|name| &name.class), verdict)
+        report::Shown::of(name.map(|name| &name.class), verdict, purity(shown, place))
     };
     medoids.map(name_of).collect()
 }
