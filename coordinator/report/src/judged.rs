@@ -42,7 +42,7 @@ pub struct Candidate<'a> {
     pub seed: u64,
 }
 
-/// Number of swarms of a world whose simulation is within [`MOST_STEPS`]; 0 if the judge cannot judge them.
+/// Number of swarms of a world whose simulation is within `MOST_STEPS`; 0 if the judge cannot judge them.
 fn affordable(spec: &CampaignSpec) -> usize {
     let world = spec.world();
     // The judge needs several robots and a full window of motion.

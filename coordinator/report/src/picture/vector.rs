@@ -75,7 +75,7 @@ pub(crate) fn tip([x, y, heading]: Pose, radius: f32) -> [f32; 2] {
     ]
 }
 
-/// The [`marks`] as SVG. A unit of the picture is a world unit, and the background is transparent.
+/// The paths as SVG. A unit of the picture is a world unit, and the background is transparent.
 pub fn trajectory_svg(replay: &Replay, world: &World, colouring: Colouring<'_>, window: u32) -> String {
     let (width, height) = (world.width(), world.height());
     let mut svg = format!(

@@ -17,8 +17,6 @@ pub(super) type Parameters = Vec<(String, String)>;
 
 /// Maximum number of robots on the page.
 pub(super) const MOST_ROBOTS: u32 = 1000;
-/// Maximum seed of a start.
-const MOST_SEED: u64 = u64::MAX;
 
 /// The swarm of an address, and the errors in the address.
 #[derive(Debug)]
@@ -238,8 +236,8 @@ fn counted_out(
 
 fn seed(given: Option<&str>) -> Result<u64, Invalid> {
     let Some(text) = given else { return Ok(1) };
-    let seed = text.trim().parse().ok().filter(|seed| *seed <= MOST_SEED);
-    let allowed = format!("a whole number from 0 to {MOST_SEED}");
+    let seed = text.trim().parse().ok();
+    let allowed = format!("a whole number from 0 to {}", u64::MAX);
     seed.ok_or_else(|| Invalid::new("seed", format!("{text:?}"), allowed))
 }
 
@@ -280,7 +278,7 @@ mod tests {
         ]);
         let play = address.strictly().unwrap();
         assert_eq!(play.controller.genes(), [0.6, 1.0, -0.4, 0.123_456_789]);
-        assert_eq!((play.world.agents(), play.seed), (1000, MOST_SEED));
+        assert_eq!((play.world.agents(), play.seed), (1000, u64::MAX));
 
         let address = read(&[("robot", CAMERA), ("genes", "0,0,1,1"), ("robots", "30")]);
         assert_eq!(address.robots, Robots::Described(CAMERA.to_owned()));
