@@ -248,7 +248,7 @@ fn found(shown: &[Shown], judged: &Judged) -> Vec<(String, String)> {
     let judged = judged.filter(|(name, _)| near(&named, name).is_none());
     let judged: Vec<String> = judged
         .map(|(name, share)| match share {
-            Some(share) => format!("{name} ({share:.0} %)"),
+            Some(share) => format!("{name} ({share:.0}\u{a0}%)"),
             None => name,
         })
         .collect();
@@ -564,7 +564,7 @@ mod tests {
             found,
             [(
                 "The rule-based judge names 2 kinds of behaviour".to_owned(),
-                "dispersal (25 %), milling (10 %)".to_owned()
+                "dispersal (25\u{a0}%), milling (10\u{a0}%)".to_owned()
             )]
         );
         assert_eq!(folded(&shown, &[1, 2]), "2 more: 1 random, 1 mixed");

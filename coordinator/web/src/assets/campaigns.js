@@ -28,10 +28,12 @@ function look() {
   attend(list);
 }
 
-find.addEventListener("input", () => {
-  clearTimeout(waiting);
-  waiting = setTimeout(look, PAUSE_MS);
-});
+for (const kind of ["input", "change"]) {
+  find.addEventListener(kind, () => {
+    clearTimeout(waiting);
+    waiting = setTimeout(look, PAUSE_MS);
+  });
+}
 find.addEventListener("submit", (event) => {
   event.preventDefault();
   clearTimeout(waiting);

@@ -77,5 +77,27 @@ document.getElementById("file")?.addEventListener("change", async ({ target }) =
   text.value = await file.text();
   look();
 });
+
+// People who follow a link of this page and come back find the form as they left it; browsers do not restore it.
+const DRAFT = "murmuration.draft";
+addEventListener("pagehide", () => {
+  const fields = [...form.elements].filter((field) => field.name && field.type !== "file" && field.type !== "hidden");
+  const values = fields.map((field) => [field.name, field.type === "checkbox" ? field.checked : field.value]);
+  sessionStorage.setItem(DRAFT, JSON.stringify({ page: location.search, values }));
+});
+function restore() {
+  const { page, values } = JSON.parse(sessionStorage.getItem(DRAFT) ?? "{}");
+  const cameBack = performance.getEntriesByType("navigation")[0]?.type === "back_forward";
+  if (!cameBack || page !== location.search) return;
+  for (const [name, value] of values) {
+    const field = form.elements[name];
+    if (field?.type === "checkbox") field.checked = value;
+    else if (field && "value" in field) field.value = value;
+    const section = field?.closest?.("details");
+    if (value && section) section.open = true;
+  }
+  look();
+}
 mark();
 select();
+restore();

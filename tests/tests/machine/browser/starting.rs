@@ -162,6 +162,16 @@ pub async fn a_campaign_is_described_checked_and_started_once() {
     window
         .until("document.getElementById('outcome').textContent.includes('700 (100 generations of 7)')")
         .await;
+    // A person who looks something up and comes back finds the form as it was.
+    window.click("a[href^='/glossary']").await;
+    window.until("location.pathname === '/glossary'").await;
+    window.driver.back().await.unwrap();
+    window
+        .until("document.querySelector(\"[name='search.population']\")?.value === '7'")
+        .await;
+    window
+        .until("document.getElementById('outcome').textContent.includes('700 (100 generations of 7)')")
+        .await;
     window.click("[name='search.generations']").await;
     window.press("none").await;
     window
