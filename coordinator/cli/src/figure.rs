@@ -21,7 +21,7 @@ on the width, so include the figure at its own size.
 
 Examples:
   murmuration figure latest --out behaviours.pdf
-  murmuration figure latest --behaviours 2,5,9 --labels letters --out behaviours.svg
+  murmuration figure latest --behaviours 1,3 --labels letters --out behaviours.svg
   murmuration figure latest --width page --columns 6 --shares --out behaviours.png")]
 pub struct FigureCommand {
     /// Campaign id, or `latest`

@@ -297,6 +297,6 @@ mod tests {
             judged(two(), &[2, 11]).unwrap()[1].verdict.map(Verdict::number),
             Some(11)
         );
-        assert!(judged(two(), &[2]).is_err() && judged(two(), &[2, 12]).is_err());
+        assert!(judged(two(), &[2]).is_err() && judged(two(), &[2, 16]).is_err());
     }
 }

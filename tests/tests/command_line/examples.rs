@@ -15,7 +15,7 @@ const LONG: &str = "it takes minutes and more";
 const TRANSCRIBED: &str = "transcripts/campaign.md has it with less work";
 
 /// Rules for examples, by the beginning of the example.
-const RULES: [(&str, Rule); 23] = [
+const RULES: [(&str, Rule); 24] = [
     ("murmuration extend latest", NotRun(TRANSCRIBED)),
     (
         "murmuration run examples/quick.toml",
@@ -58,6 +58,11 @@ const RULES: [(&str, Rule); 23] = [
     (
         "murmuration filter --file",
         Before("printf -- '-0.7,0.3,1,1\\n' >controllers.txt"),
+    ),
+    // The example of `delete` has deleted the campaign.
+    (
+        "murmuration figure latest --out",
+        Before("murmuration run small.toml"),
     ),
     (
         "murmuration restore",
