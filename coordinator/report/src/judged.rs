@@ -2,7 +2,7 @@
 
 use crate::Report;
 use maud::{Markup, html};
-use murmuration_judge::{frames, judge_species};
+use murmuration_judge::{FEWEST_ROBOTS, frames, judge_species};
 use murmuration_model::labels::{ClassKey, ClassName, GivenClass};
 use murmuration_sim::{replay::replay_frames, simulate::Start};
 use murmuration_swarm::{CampaignSpec, Class, Controller, Invalid, Verdict, World, counted, noun};
@@ -18,9 +18,6 @@ const MOST_STEPS: u64 = 200 * 24 * 1200;
 
 /// Minimum size of a sample that represents the archive.
 const LEAST: usize = 50;
-
-/// Minimum number of robots of a swarm that the judge can judge.
-const FEWEST_ROBOTS: u32 = 3;
 
 /// The rule-based judge's verdicts on the medoids of an archive and on a sample of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -28,6 +28,8 @@ use murmuration_swarm::{Class, Frames, Replay, Verdict, World};
 use std::num::NonZeroU32;
 use window::Window;
 
+/// Minimum number of robots of a swarm that reports and pages let the judge name: the classes describe groups.
+pub const FEWEST_ROBOTS: u32 = 3;
 /// Steps between two frames of the judge's window.
 pub const STRIDE: NonZeroU32 = window::STRIDE;
 /// Number of frames of the judge's window, the first and the last included.

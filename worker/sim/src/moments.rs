@@ -2,27 +2,29 @@
 
 use crate::{features::RecentFeatures, simulate::Swarm};
 use murmuration_judge as judge;
-use murmuration_swarm::{Features, Pose, Replay, Verdict, World};
+use murmuration_swarm::{Controller, Features, Pose, Replay, Verdict, World};
 use std::collections::VecDeque;
 
-/// Minimum number of robots of a swarm whose motion the judge names here: the classes describe groups.
-pub const LEAST_JUDGED: u32 = 3;
+pub use murmuration_judge::FEWEST_ROBOTS;
 
 /// The recent past of a swarm, which is observed at its start and after every step.
 #[derive(Debug, Clone)]
 pub struct Moments {
     world: World,
+    /// The place of each robot's species.
+    species: Vec<usize>,
     features: RecentFeatures,
     /// The positions at the judge's frames, oldest first: as many frames as its window has.
     frames: VecDeque<Vec<Pose>>,
 }
 
 impl Moments {
-    /// The moments of a swarm in `world` that has not been observed yet.
+    /// The moments of a swarm of `controller` in `world` that has not been observed yet.
     #[must_use]
-    pub fn new(world: &World) -> Self {
+    pub fn new(controller: &Controller, world: &World) -> Self {
         Self {
             world: world.clone(),
+            species: controller.species_of_robots(world.agents()),
             features: RecentFeatures::new(world),
             frames: VecDeque::new(),
         }
@@ -56,12 +58,12 @@ impl Moments {
     }
 
     /// The judge's verdict on the last 160 steps, up to the last step that is a multiple of the judge's stride. `None` if the
-    /// motion is shorter, or the swarm has fewer than [`LEAST_JUDGED`] robots.
+    /// motion is shorter, or the swarm has fewer than [`FEWEST_ROBOTS`] robots.
     ///
-    /// Judging takes longer than observing: see [`judge::judge`].
+    /// Judging takes longer than observing: see [`judge::judge_species`].
     #[must_use]
     pub fn verdict(&self) -> Option<Verdict> {
-        if self.frames.len() < judge::WINDOW_FRAMES || self.world.agents() < LEAST_JUDGED {
+        if self.frames.len() < judge::WINDOW_FRAMES || self.world.agents() < FEWEST_ROBOTS {
             return None;
         }
         let stride = judge::STRIDE.get();
@@ -71,6 +73,6 @@ impl Moments {
         let poses = self.frames.iter().flatten().copied().collect();
         // A motion with a position that is not finite has no verdict.
         let replay = Replay::new(steps, self.world.agents() as usize, poses).ok()?;
-        Some(judge::judge(&replay, &self.world))
+        Some(judge::judge_species(&replay, &self.species, &self.world))
     }
 }

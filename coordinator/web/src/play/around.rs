@@ -15,7 +15,7 @@ use murmuration_engine::blocking::in_background;
 use murmuration_model::colours;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
-use murmuration_sim::moments::LEAST_JUDGED;
+use murmuration_sim::moments::FEWEST_ROBOTS;
 use murmuration_swarm::{Boundary, Controller, Invalid, Verdict, World, grouped};
 use tonic::Status;
 
@@ -175,7 +175,7 @@ fn shown(parameters: &Parameters, play: &Play, seen: &[Seen]) -> Markup {
                     p.reason {
                         @match seen.verdict {
                             Some(verdict) => (verdict.words()),
-                            None if play.world.agents() < LEAST_JUDGED => "too few robots for a name",
+                            None if play.world.agents() < FEWEST_ROBOTS => "too few robots for a name",
                             None => "not enough motion for a name",
                         }
                     }

@@ -101,7 +101,7 @@ impl Default for Kept {
 impl Watched {
     pub(super) fn new(play: &Play) -> Result<Self, Invalid> {
         let swarm = Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed))?;
-        let mut past = Moments::new(&play.world);
+        let mut past = Moments::new(&play.controller, &play.world);
         past.observe(&swarm);
         Ok(Self { swarm, past })
     }
@@ -309,12 +309,16 @@ mod tests {
     use super::{super::address::Address, *};
     use murmuration_proto::v1;
     use murmuration_sim::evaluate::Evaluator;
-    use murmuration_swarm::{Evaluation, ImageFormat};
+    use murmuration_swarm::{Evaluation, ImageFormat, Pattern};
 
     fn play(robots: &str, seed: &str) -> Play {
-        let parameters = [("robots", robots), ("seed", seed)];
-        let owned = parameters.map(|(name, text)| (name.to_owned(), text.to_owned()));
-        Address::read(&owned.to_vec()).strictly().unwrap()
+        described(&[("robots", robots), ("seed", seed)])
+    }
+
+    fn described(parameters: &[(&str, &str)]) -> Play {
+        let owned = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
+        let parameters = parameters.iter().map(owned).collect();
+        Address::read(&parameters).strictly().unwrap()
     }
 
     /// A cache whose pieces have the same frames on a busy and on an idle machine.
@@ -422,6 +426,18 @@ mod tests {
                 .iter()
                 .all(|moment| moment.verdict.is_none())
         );
+        let species = "ratios = [[12, 12], [8, 16]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{ sees = [\"a\"] }]\n[[species]]\nname = \"b\"\n\
+                       robot.sensors = [{ sees = [\"a\"] }, { angle = \"free\", angle_range = [-3.14, 3.14], sees = [\"b\"] }]\n";
+        let mill = "0.8,0.7,-0.1,0.4,-1,-0.9,0.9,0.7,-0.8,0.1,0.8,0.8,2.9958084837187218,1";
+        let mill = described(&[
+            ("robot", species),
+            ("genes", mill),
+            ("seed", "4533673710576819531"),
+        ]);
+        let moments = piece(&kept, &mill, 601).moments;
+        let last = moments.last().unwrap();
+        assert_eq!(last.verdict, Some(Verdict::Pattern(Pattern::TwoColouredMill)));
+        assert_eq!(last.verdict, evaluated(&mill, last.step).verdict());
         let plain = (0, Detail::Frames);
         let plain = kept.piece(Client::UNKNOWN, &play, plain, &Interrupt::default());
         assert!(plain.unwrap().moments.is_empty());

@@ -1,7 +1,7 @@
 //! The part of the page Play that shows the motion over time: features, the judge's names, and marked moments.
 
 use maud::{Markup, html};
-use murmuration_sim::{features::FEATURE_STEPS, moments::LEAST_JUDGED};
+use murmuration_sim::{features::FEATURE_STEPS, moments::FEWEST_ROBOTS};
 use murmuration_swarm::{FEATURE_NAMES, Verdict};
 use serde_json::json;
 
@@ -11,7 +11,7 @@ pub(super) fn section() -> Markup {
     let features = FEATURE_NAMES.map(words);
     html! {
         section #timeline.timeline.scripted aria-label="Over time" data-verdicts=(json!(verdicts)) data-features=(json!(features))
-            data-least=(LEAST_JUDGED) {
+            data-least=(FEWEST_ROBOTS) {
             h2 { "Over time" }
             div.charts {
                 @for feature in &features { div { h3 { (feature) } div.chart {} } }
