@@ -10,13 +10,13 @@ use super::{
     strictly,
 };
 use crate::asked::Form;
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use murmuration_engine::blocking::in_background;
-use murmuration_model::colours;
+use murmuration_report::picture::{Bodies, trajectory_svg};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
 use murmuration_sim::moments::FEWEST_ROBOTS;
-use murmuration_swarm::{Boundary, Controller, Invalid, Verdict, World, grouped};
+use murmuration_swarm::{Controller, Invalid, Replay, Verdict, World, grouped};
 use tonic::Status;
 
 /// Maximum number of robot steps (steps times robots) of all swarms of a request: the usual ones come to about 500,000, which take
@@ -43,8 +43,8 @@ struct Neighbour {
 struct Seen {
     neighbour: Neighbour,
     verdict: Option<Verdict>,
-    /// The positions of all robots at the judge's frames.
-    frames: Vec<Vec<[f64; 2]>>,
+    /// The last steps at the judge's frames, as a motion of their own.
+    motion: Replay,
 }
 
 /// The part of the page with the controllers around the form's.
@@ -147,16 +147,22 @@ fn beside(knob: &Knob, own: f64) -> Vec<f64> {
 fn seen(neighbour: Neighbour, interrupt: &Interrupt) -> Result<Seen, Status> {
     let mut watched = Watched::new(&neighbour.play)?;
     let horizon = neighbour.play.world.horizon();
-    let mut frames = Vec::new();
-    for step in (horizon.saturating_sub(DRAWN_STEPS)..=horizon).step_by(DRAWN_STRIDE) {
+    let (mut steps, mut poses) = (Vec::new(), Vec::new());
+    let first = horizon.saturating_sub(DRAWN_STEPS);
+    for step in (first..=horizon).step_by(DRAWN_STRIDE) {
         if !watched.advance(step, || interrupt.check().is_ok()) {
             return Err(Status::cancelled("nobody waits for these swarms any more"));
         }
-        frames.push(watched.agents().map(|agent| agent.position).collect());
+        steps.push(step - first);
+        poses.extend(watched.agents().map(|agent| {
+            let [x, y] = agent.position;
+            [x, y, agent.theta].map(|value| value as f32)
+        }));
     }
+    let robots = neighbour.play.world.agents() as usize;
     Ok(Seen {
         verdict: watched.verdict(),
-        frames,
+        motion: Replay::new(steps, robots, poses)?,
         neighbour,
     })
 }
@@ -169,7 +175,7 @@ fn shown(parameters: &Parameters, play: &Play, seen: &[Seen]) -> Markup {
                 @let [from, to] = [play, other].map(|play| short(play.controller.genes()[*gene]));
                 li {
                     a href={ "/play?" (address(parameters, other)) } {
-                        (paths(&seen.frames, &play.world))
+                        (paths(other, &seen.motion))
                         (name) " " (from) " → " (to)
                     }
                     p.reason {
@@ -185,6 +191,13 @@ fn shown(parameters: &Parameters, play: &Play, seen: &[Seen]) -> Markup {
     }
 }
 
+/// The paths of a swarm as SVG: the pages allow no pictures in addresses.
+fn paths(play: &Play, motion: &Replay) -> Markup {
+    let bodies = Bodies::of(&play.controller, &play.world);
+    let drawn = trajectory_svg(motion, &play.world, bodies.colouring(), DRAWN_STEPS);
+    html! { span aria-hidden="true" { (PreEscaped(drawn)) } }
+}
+
 /// A value with at most three decimals.
 fn short(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
@@ -197,40 +210,6 @@ fn address(parameters: &Parameters, other: &Play) -> String {
     let all: Parameters = others.chain([("genes".to_owned(), genes.join(","))]).collect();
     // Texts are always encodable.
     serde_urlencoded::to_string(all).unwrap_or_default()
-}
-
-/// A picture of the paths of all robots, each in its colour, as SVG: the pages allow no pictures in addresses.
-fn paths(frames: &[Vec<[f64; 2]>], world: &World) -> Markup {
-    let (width, height) = (world.width(), world.height());
-    let robots = frames.first().map_or(0, Vec::len);
-    html! {
-        svg.paths viewBox={ "0 0 " (width) " " (height) } aria-hidden="true" {
-            @for robot in 0..robots {
-                path stroke=(colours::hex(colours::AGENTS[robot % colours::AGENTS.len()]))
-                    d=(path(frames.iter().map(|frame| frame[robot]), world)) {}
-            }
-        }
-    }
-}
-
-/// The path of one robot. On a torus, the path breaks where the robot jumps to the other side.
-fn path(points: impl Iterator<Item = [f64; 2]>, world: &World) -> String {
-    let mut path = String::new();
-    let mut before: Option<[f64; 2]> = None;
-    for [x, y] in points {
-        let is_jump = |[a, b]: [f64; 2]| {
-            let far = [(x - a, world.width()), (y - b, world.height())];
-            world.boundary() == Boundary::Torus && far.iter().any(|(way, side)| way.abs() > side / 2.0)
-        };
-        let joins = before.is_some_and(|before| !is_jump(before));
-        path += &format!("{}{x:.1} {y:.1}", if joins { 'L' } else { 'M' });
-        before = Some([x, y]);
-    }
-    // A robot that stands is a dot: a line without length, which its round caps make visible.
-    if let Some([x, y]) = before {
-        path += &format!("L{x:.1} {y:.1}");
-    }
-    path
 }
 
 #[cfg(test)]
@@ -281,14 +260,15 @@ mod tests {
             .map(|it| seen(it, &interrupt).unwrap())
             .collect();
         let page = shown(&parameters, &play, &seen).into_string();
-        assert_eq!(page.matches("<path ").count(), 12 * seen.len());
+        assert_eq!(page.matches("<svg ").count(), seen.len());
+        assert_eq!(page.matches("<circle ").count(), 12 * seen.len());
         assert!(
             page.contains("/play?model=single-sensor&amp;seed=3&amp;robots=12&amp;genes=-0.8%2C0.3%2C1%2C1"),
             "{page}"
         );
         assert!(
             seen.iter()
-                .all(|seen| seen.verdict.is_some() && seen.frames.len() == 41)
+                .all(|seen| seen.verdict.is_some() && seen.motion.frames().count() == 41)
         );
     }
 
@@ -302,19 +282,6 @@ mod tests {
         assert_eq!(
             error("65").unwrap_err(),
             "robots = 65: must be at most 64 for this part of the page"
-        );
-    }
-
-    #[test]
-    fn a_path_on_a_torus_breaks_at_its_edges() {
-        let (_, play) = play(&[(
-            "robot",
-            "[robot]\nsensors = [{}]\n[world]\nboundary = \"torus\"\n",
-        )]);
-        let poses = [[490.0, 5.0], [499.0, 5.0], [3.0, 5.0]];
-        assert_eq!(
-            path(poses.into_iter(), &play.world),
-            "M490.0 5.0L499.0 5.0M3.0 5.0L3.0 5.0"
         );
     }
 }
