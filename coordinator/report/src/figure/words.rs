@@ -43,7 +43,7 @@ pub(crate) fn width_of(text: &str, size: f64, bold: bool) -> f64 {
     })
 }
 
-/// The font, and each letter's glyph and width. A letter that the font does not have becomes the font's box for missing letters.
+/// The font, and each letter's glyph and width. A letter that the font does not have becomes the glyph of missing letters.
 fn typeset(text: &str, size: f64, bold: bool) -> Option<(FontRef<'static>, Vec<(GlyphId, f32)>)> {
     let font = FontRef::new(FONTS[usize::from(bold)]).ok()?;
     let (letters, widths) = (
@@ -123,7 +123,9 @@ impl Words {
             },
         };
         for (glyph, width) in glyphs {
-            if let Some(outline) = font.outline_glyphs().get(glyph) {
+            if glyph == GlyphId::NOTDEF {
+                pen.box_of(width, self.size as f32);
+            } else if let Some(outline) = font.outline_glyphs().get(glyph) {
                 // An error would omit the letter, but no letter of the embedded font gives an error.
                 let _ = outline.draw(DrawSettings::unhinted(size, location), &mut pen);
             }
@@ -140,6 +142,27 @@ struct Pen {
     path: PathBuilder,
     /// Position along the line at which the letter begins.
     along: f32,
+}
+
+impl Pen {
+    /// Draws a box for a missing letter of this width: the embedded fonts leave it blank.
+    fn box_of(&mut self, width: f32, size: f32) {
+        let (high, thick) = (0.7 * size, 0.06 * size);
+        for inset in [thick, 2.0 * thick] {
+            let (left, right) = (self.along + inset, self.along + width - inset);
+            let (top, bottom) = (inset - high, -inset);
+            // The inner rectangle runs the other way, so that it is a hole.
+            let corners = match inset > thick {
+                false => [[left, top], [right, top], [right, bottom], [left, bottom]],
+                true => [[left, top], [left, bottom], [right, bottom], [right, top]],
+            };
+            self.path.move_to(corners[0][0], corners[0][1]);
+            for [x, y] in &corners[1..] {
+                self.path.line_to(*x, *y);
+            }
+            self.path.close();
+        }
+    }
 }
 
 impl OutlinePen for Pen {
