@@ -40,6 +40,9 @@ const CLAIM_WITH_DATA: &[u8] = b"data";
 /// Time for attempts to write the first entry, while a former coordinator still writes. Labels of a group of people leave gaps
 /// between entries, but not soon.
 const CLAIM_LIMIT: Duration = Duration::from_secs(if cfg!(test) { 10 } else { 60 });
+/// Attempts to make the database while objects of the mirror vanish: the former process removes what it no longer needs. Objects
+/// that are still missing then are lost.
+const RESTORES: usize = 20;
 /// Longest pause after such an attempt. The pause is random, so that two processes that claim do not keep step.
 const LONGEST_CLAIM_PAUSE_MS: u64 = 300;
 
@@ -221,7 +224,7 @@ impl Claimed {
         } = claiming;
         let has_database = claiming.inode.is_some();
         let mut restore: Option<Restore> = None;
-        let mut missing = None;
+        let mut vanished = 0;
         let last = Instant::now() + CLAIM_LIMIT;
         while Instant::now() < last {
             let all = self.entries.list().await?;
@@ -262,9 +265,14 @@ impl Claimed {
                 // The database is made before the mirror is taken: the former process must not end in vain.
                 (true, true, false) => match self.restored(restore.take(), &all, data).await {
                     Ok(restored) => restore = Some(restored),
-                    // The former process has removed what it no longer needs.
                     Err(error) if error.is_not_found() => {
-                        missing = Some(error.to_string());
+                        vanished += 1;
+                        if vanished == RESTORES {
+                            return Err(MirrorError::Damaged {
+                                object: place.clone(),
+                                reason: error.to_string(),
+                            });
+                        }
                         continue;
                     }
                     Err(error) => return Err(error),
@@ -298,17 +306,10 @@ impl Claimed {
                     None => Ok(()),
                 };
             }
-            missing = None;
             let pause = getrandom::u64().unwrap_or_default() % LONGEST_CLAIM_PAUSE_MS;
             tokio::time::sleep(Duration::from_millis(pause)).await;
         }
-        Err(match missing {
-            Some(reason) => MirrorError::Damaged {
-                object: place.clone(),
-                reason,
-            },
-            None => MirrorError::Contested(place.clone()),
-        })
+        Err(MirrorError::Contested(place.clone()))
     }
 
     /// Checks that the mirror has the claims of the process of this directory that wrote its newest entry. An entry alone can have gone

@@ -12,7 +12,7 @@ use object_store::{ObjectStoreExt as _, PutMode, PutPayload, WriteMultipart};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
-    fs::File,
+    fs::{self, File},
     io::{self, Write as _},
     os::unix::fs::FileExt as _,
     path::Path,
@@ -321,7 +321,7 @@ impl Entries {
 
     /// Writes an object of `bytes` bytes, and gives it up again before it has its name.
     pub(super) async fn try_room(&self, bytes: u64, writer: &str) -> Result<(), MirrorError> {
-        self.remove_trials();
+        self.remove_trials().await;
         let path = self.objects.path(&format!("{TRIALS}/{writer}"));
         let mut upload = self.within(self.objects.store.put_multipart(&path)).await?;
         let mut random = vec![0; PART_BYTES];
@@ -343,21 +343,21 @@ impl Entries {
 
     /// Removes what a process left that was killed during its trial, unless it is young: it may be that of a process that lives.
     /// Failures do no harm.
-    fn remove_trials(&self) {
+    async fn remove_trials(&self) {
         let Some(folder) = self.objects.folder() else {
             return;
         };
-        for entry in std::fs::read_dir(folder.join(TRIALS))
-            .into_iter()
-            .flatten()
-            .flatten()
-        {
-            let made = entry.metadata().and_then(|file| file.modified());
-            let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > KEPT));
-            if is_old {
-                let _ = std::fs::remove_file(entry.path());
+        let trials = folder.join(TRIALS);
+        let remove = move || {
+            for entry in fs::read_dir(trials).into_iter().flatten().flatten() {
+                let made = entry.metadata().and_then(|file| file.modified());
+                let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > KEPT));
+                if is_old {
+                    let _ = fs::remove_file(entry.path());
+                }
             }
-        }
+        };
+        let _ = tokio::task::spawn_blocking(remove).await;
     }
 
     /// Returns the size and digest of the file.
@@ -412,7 +412,7 @@ impl Entries {
     /// another process may have gone on from the mirror, and written them. A failure is only logged.
     pub(super) async fn remove_before(&self, first: u64, snapshot: &str) {
         let old = async {
-            self.remove_trials();
+            self.remove_trials().await;
             let mut entries = self.list().await?;
             entries.retain(|&number, listed| number < first && listed.bytes > LONGEST_CLAIM);
             let entries = entries.into_iter();
