@@ -15,6 +15,9 @@ pub(super) const TEXT: &str = "robot";
 /// Maximum size of a description in bytes: the encoded description still fits into an address.
 pub(super) const MOST_DESCRIPTION_BYTES: usize = 6000;
 
+/// A robot with the paper's sensor, whose other fields have their defaults.
+const USUAL: &str = "[robot]\nsensors = [{}]\n";
+
 /// The parts of a description that the editor shows.
 const SHOWN: [&str; 2] = ["robot", "species"];
 
@@ -63,11 +66,7 @@ fn read(text: &str) -> Result<Described, String> {
             text.len()
         ));
     }
-    let text = if text.trim().is_empty() {
-        "[robot]\nsensors = [{}]\n"
-    } else {
-        text
-    };
+    let text = if text.trim().is_empty() { USUAL } else { text };
     let (model, world) = CampaignSpec::robots_from_toml(text).map_err(|error| error.to_string())?;
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
     let robots = shown(&mut table, &model);
@@ -134,19 +133,22 @@ pub(super) fn robot_text(robot: &Robot) -> String {
 
 /// The fields of a robot that differ from their defaults, and its radii.
 fn robot_table(robot: &Robot) -> Table {
-    let mut table = Table::try_from(v1::Robot::from(robot)).unwrap_or_default();
-    let usual: [(&str, Value); 2] = [("drive", "differential".into()), ("max_speed", 1.0.into())];
-    table.retain(|name, value| usual.iter().all(|known| *known != (name, value.clone())));
-    if let Some(Value::Array(sensors)) = table.get_mut("sensors") {
-        for sensor in sensors.iter_mut().filter_map(Value::as_table_mut) {
-            let robots = Value::Array(vec!["robots".into()]);
-            let usual: [(&str, Value); 3] = [
-                ("angle", 0.0.into()),
-                ("half_angle", 0.0.into()),
-                ("sees", robots),
-            ];
-            sensor.retain(|name, value| usual.iter().all(|known| *known != (name, value.clone())));
+    let whole = |robot: &Robot| Table::try_from(v1::Robot::from(robot)).unwrap_or_default();
+    let mut table = whole(robot);
+    let usual = CampaignSpec::robots_from_toml(USUAL).ok();
+    let usual = usual.and_then(|(model, _)| Some(whole(model.species().first()?.robot())));
+    if let Some(usual) = usual {
+        let usual_sensor = usual["sensors"].get(0).and_then(Value::as_table);
+        if let Some((sensors, usual)) = table
+            .get_mut("sensors")
+            .and_then(Value::as_array_mut)
+            .zip(usual_sensor)
+        {
+            for sensor in sensors.iter_mut().filter_map(Value::as_table_mut) {
+                sensor.retain(|name, value| usual.get(name) != Some(value));
+            }
         }
+        table.retain(|name, value| name.contains("radius") || usual.get(name) != Some(value));
     }
     table
 }
