@@ -1,7 +1,7 @@
 //! Tests how often the judges agree with labels, on swarms that were not used to tune the judges.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
-use murmuration_judge::{Measures, frames, judge};
+use murmuration_judge::{Measures, frames, judge, judge_species};
 use murmuration_model::labels::ConfusionMatrix;
 use murmuration_report::atlas::agreed;
 use murmuration_sim::{
@@ -145,6 +145,73 @@ fn column_of(set: &str, name: &str) -> Vec<String> {
     let place = head.split(',').position(|column| column == name).unwrap();
     let rows = rows.lines().map(|row| row.split(',').nth(place).unwrap());
     rows.map(str::to_owned).collect()
+}
+
+/// The number and the class of each swarm of a table of two species.
+fn read_by(reader: &str) -> Vec<(String, String)> {
+    let table = fs::read_to_string(file("two_species", reader)).unwrap();
+    let rows = table.lines().skip(1).map(|row| row.split_once(',').unwrap());
+    rows.map(|(number, class)| (number.to_owned(), class.to_owned()))
+        .collect()
+}
+
+/// Checks that the judge agrees with two readers about two species as often as docs/judge.md states, up to chance.
+#[test]
+fn it_agrees_with_readers_about_two_species_as_often_as_documented() {
+    let labels = LabelledSet::read(file("two_species", "swarms.csv")).unwrap();
+    let swarms = labels.swarms(None).unwrap();
+    let judged = labels.ids().zip(&swarms).map(|(id, swarm)| {
+        let (controller, world) = (&swarm.controller, &swarm.world);
+        let motion = replay_frames(controller, world, &swarm.start, &frames(world)).unwrap();
+        let verdict = judge_species(&motion, &controller.species_of_robots(world.agents()), world);
+        (id.to_owned(), verdict.name().to_owned())
+    });
+    let judged: Vec<_> = judged.collect();
+    let readers = ["reader-1.csv", "reader-2.csv"].map(read_by);
+    let even = fs::read_to_string(file("two_species", "even.csv")).unwrap();
+    let even: Vec<&str> = even.lines().skip(1).collect();
+    let page = include_str!("../../../docs/judge.md");
+    for (row, one, other) in [
+        ("the two readers", &readers[0], &readers[1]),
+        ("judge and first reader", &readers[0], &judged),
+        ("judge and second reader", &readers[1], &judged),
+    ] {
+        let line = page
+            .lines()
+            .find(|line| line.starts_with(&format!("| {row} |")))
+            .unwrap();
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        for (cell, is_counted) in [
+            (2, &(|_: &str| true) as &dyn Fn(&str) -> bool),
+            (4, &|number| even.contains(&number)),
+        ] {
+            let pairs = one
+                .iter()
+                .zip(other)
+                .filter(|((number, _), _)| is_counted(number));
+            let pairs: Vec<_> = pairs.inspect(|(one, other)| assert_eq!(one.0, other.0)).collect();
+            let same = pairs.iter().filter(|(one, other)| one.1 == other.1).count() as u32;
+            let [expected, of] = counts(cells[cell]).unwrap();
+            println!(
+                "{row}: {same} of {}, docs/judge.md says {expected} of {of}",
+                pairs.len()
+            );
+            assert_eq!(pairs.len() as u32, of, "{row}");
+            let rate = f64::from(expected + 1) / f64::from(of + 2);
+            assert!(
+                at_most(same, of, rate) > IMPROBABLE,
+                "{row}: {same} instead of {expected}"
+            );
+            if row == "the two readers" {
+                let matrix: ConfusionMatrix<&str> = pairs
+                    .iter()
+                    .map(|(one, other)| (one.1.as_str(), other.1.as_str()))
+                    .collect();
+                let kappa = format!("{:.3}", matrix.kappa().unwrap());
+                assert_eq!((same, kappa.as_str()), (expected, cells[cell + 1]));
+            }
+        }
+    }
 }
 
 /// The example controllers of the paper (appendix "Example Controllers"), with the behaviour of each according to the paper.
