@@ -242,12 +242,8 @@ pub async fn report<C: Transport>(
             .iter()
             .filter_map(|&index| candidate(index as u64))
             .collect();
-        // A figure shows only medoids.
-        let sample = match pictures {
-            PicturesOf::Individuals => Judged::sample(&judged_spec, individuals.len()),
-            PicturesOf::Medoids => Vec::new(),
-        };
-        let sample: Vec<_> = sample.into_iter().filter_map(candidate).collect();
+        let sample = Judged::sample(&judged_spec, individuals.len()).into_iter();
+        let sample: Vec<_> = sample.filter_map(candidate).collect();
         (Judged::of(&judged_spec, &medoids, &sample), individuals)
     };
     let (judged, individuals) = in_background(move |_| parallel(judge)).await?;
