@@ -1,6 +1,6 @@
 //! The parts of a behaviour's card that reports and the coordinator's pages share, and their style sheet.
 
-use crate::judged::{Purity, RANDOM};
+use crate::{Purity, judged::RANDOM};
 use maud::{Markup, html};
 use murmuration_swarm::{Controller, Verdict};
 
@@ -8,7 +8,7 @@ use murmuration_swarm::{Controller, Verdict};
 /// `--accent`.
 pub const STYLE: &str = include_str!("card.css");
 
-/// Who gave a behaviour its name.
+/// The origin of a behaviour's name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Namer {
     /// An annotator gave the name to this behaviour.

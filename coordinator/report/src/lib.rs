@@ -20,6 +20,7 @@ pub mod picture;
 mod pictured;
 mod plots;
 pub mod point_map;
+mod purity;
 pub mod score_histogram;
 pub mod scripts;
 pub mod svg;
@@ -29,11 +30,12 @@ mod tables;
 mod sample;
 
 pub use document::Document;
-pub use judged::{Candidate, Judged, Purity, Shown, answer, distinct, folded};
+pub use judged::{Candidate, Judged, Shown, answer, folded, folding};
 pub use names::{CarriedName, Names};
 pub use numbers::sample_in_words;
 pub use pictured::{PictureSheets, Pictured};
 pub use plots::condensed;
+pub use purity::Purity;
 
 use crate::picture::{Bodies, Paper, PictureError};
 use murmuration_files::{Folder, FolderError};

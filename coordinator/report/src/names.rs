@@ -46,10 +46,18 @@ impl ClusterName<'_> {
     /// The name as the page shows it, with a remark on its origin if no person gave it to this medoid.
     pub(super) fn in_words(&self) -> String {
         let shown = self.class.shown();
+        match self.namer() {
+            Namer::Earlier => format!("{shown} (carried over)"),
+            Namer::Judge => format!("{shown} (by the rule-based judge)"),
+            Namer::Annotator => shown,
+        }
+    }
+
+    pub(super) const fn namer(&self) -> Namer {
         match (self.carried, self.by_machine) {
-            (Some(_), _) => format!("{shown} (carried over)"),
-            (None, true) => format!("{shown} (by the rule-based judge)"),
-            (None, false) => shown,
+            (Some(_), _) => Namer::Earlier,
+            (None, true) => Namer::Judge,
+            (None, false) => Namer::Annotator,
         }
     }
 }
@@ -80,11 +88,7 @@ impl Report {
     pub(super) fn card_name(&self, place: usize) -> Option<CardName> {
         let given = self.name_of(place).map(|name| CardName {
             name: name.class.shown(),
-            by: match (name.carried, name.by_machine) {
-                (Some(_), _) => Namer::Earlier,
-                (None, true) => Namer::Judge,
-                (None, false) => Namer::Annotator,
-            },
+            by: name.namer(),
         });
         let verdict = self.judged.medoids.get(place);
         given.or_else(|| verdict.map(|verdict| CardName::of_verdict(*verdict, self.purity(place))))

@@ -22,11 +22,15 @@ pub(super) struct NamedTaxonomy {
 pub(super) fn on_card(name: &ClusterName) -> CardName {
     CardName {
         name: name.class.shown(),
-        by: match name.origin {
-            Origin::Person => Namer::Annotator,
-            Origin::Judge => Namer::Judge,
-            Origin::Carried { .. } => Namer::Earlier,
-        },
+        by: namer(name.origin),
+    }
+}
+
+pub(super) const fn namer(origin: Origin) -> Namer {
+    match origin {
+        Origin::Person => Namer::Annotator,
+        Origin::Judge => Namer::Judge,
+        Origin::Carried { .. } => Namer::Earlier,
     }
 }
 

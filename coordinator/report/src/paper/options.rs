@@ -1,4 +1,4 @@
-//! What a figure for a paper shows, and its form: the options of the command and of the form on the page Taxonomy.
+//! The options of a figure for a paper, which the command and the form on the page Taxonomy share.
 
 use murmuration_swarm::{Invalid, text::quoted};
 use std::{fmt, str::FromStr};

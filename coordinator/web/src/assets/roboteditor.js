@@ -85,7 +85,7 @@ class Editor {
     return this.robot.sensors[this.drawing.place];
   }
 
-  // What decides the genes of a controller. While it stays, a controller stays right.
+  // A key of everything that the genes of a controller depend on. While the key is the same, a controller fits the robots.
   genes() {
     const sensor = (of) => (of.angle === "free" ? [of.angle_range, of.angles] : null);
     const robot = ({ sensors, drive, max_speed, max_turn }) => [sensors.map(sensor), drive, max_speed, max_turn];

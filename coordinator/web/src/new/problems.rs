@@ -19,7 +19,7 @@ pub(super) struct Problem {
     pub(super) line: Option<usize>,
     /// The whole error, with the field's path.
     pub(super) text: String,
-    /// What the field must be, without the field's path; `None` if the error says more than that.
+    /// The allowed values and the value; `None` if the error says more than that.
     pub(super) must: Option<Must>,
 }
 
@@ -59,7 +59,7 @@ impl Problem {
         self.field == path || (!self.field.contains('.') && Some(&self.field) == last(path).as_ref())
     }
 
-    /// What is wrong, without the field's path: `must be a whole number from 1 to 100000, not -4`.
+    /// The error without the field's path: `must be a whole number from 1 to 100000, not -4`.
     pub(super) fn brief(&self) -> String {
         match &self.must {
             Some(Must {

@@ -198,7 +198,7 @@ fn as_fields(filled: &Filled, problems: &[Problem]) -> Markup {
     }
 }
 
-/// What the form shows.
+/// The content of the form, with its defaults and errors.
 struct Form<'a> {
     filled: &'a Filled,
     /// The defaults of the fields, by path.

@@ -3,7 +3,7 @@
 //! A piece begins where the piece before it ended, so that the pieces together are one motion, bit for bit. The last few swarms
 //! are kept in memory for this purpose. A swarm that is no longer kept is simulated again from its start, to the same bits.
 //!
-//! A piece can also have moments: what an evaluation would find if the motion ended there. Therefore every kept swarm keeps its
+//! A piece can also have moments: the features and the verdict of an evaluation that ends there. Therefore every kept swarm keeps its
 //! recent past, which is at most half a megabyte for 1,000 robots.
 
 use super::address::Play;
@@ -46,7 +46,7 @@ pub(super) enum Detail {
     FramesAndMoments,
 }
 
-/// What an evaluation would find if the motion ended at this step.
+/// The features and the verdict of an evaluation that ends at this step.
 #[derive(Debug, Clone, PartialEq)]
 struct Moment {
     step: u32,

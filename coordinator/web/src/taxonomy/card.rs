@@ -39,7 +39,7 @@ impl Card<'_> {
     }
 
     fn purity(&self) -> Option<Purity> {
-        super::purity(self.shown, self.place)
+        *self.shown.purities.get(self.place)?
     }
 
     /// The number of the medoid's robust trials, and of all its trials; `None` if individuals have one trial.
@@ -140,7 +140,7 @@ fn sights(card: &Card<'_>) -> Markup {
     }
 }
 
-/// The folded part of a card: numbers, genes, and what can be done with the behaviour.
+/// The folded part of a card: numbers, genes and actions.
 fn more(card: &Card<'_>) -> Markup {
     let medoid = &card.shown.taxonomy.medoids[card.place];
     let index = medoid.individual.index;
@@ -172,7 +172,7 @@ fn more(card: &Card<'_>) -> Markup {
     }
 }
 
-/// What can be done with a behaviour: play with its swarm, search around it, try it from further starts.
+/// The actions on a behaviour: play with its swarm, search around it, try it from further starts.
 fn uses(card: &Card<'_>) -> Markup {
     let (record, number) = (card.record, card.place + 1);
     let individual = &card.shown.taxonomy.medoids[card.place].individual;

@@ -1,7 +1,7 @@
-//! What pages show of a taxonomy beside what the campaign stored: the judge's verdicts on its medoids and on a sample of the
-//! archive, and the members that show the spread of each cluster. This process computes it once per version of a taxonomy.
+//! Measurements of a taxonomy that no campaign stores: the judge's verdicts on its medoids and on a sample of the archive, and the
+//! members that show the spread of each cluster. This process makes them once per version of a taxonomy.
 
-use super::judged::most_frequent;
+use super::further_starts::most_frequent;
 use crate::Web;
 use murmuration_engine::{
     blocking::{in_background, parallel},

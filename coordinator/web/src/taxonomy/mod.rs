@@ -5,13 +5,13 @@ mod alike;
 mod card;
 pub(super) mod changes;
 pub(super) mod figure;
-mod judged;
+mod further_starts;
 pub(super) mod map;
 mod measured;
 pub(super) mod starts;
 mod versions;
 
-pub use judged::FurtherStarts;
+pub use further_starts::FurtherStarts;
 use measured::Measured;
 pub use measured::Measurements;
 
@@ -20,6 +20,7 @@ use super::{
     asked::Query,
     keys,
     layout::{Part, campaign_page},
+    named::namer,
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
@@ -34,7 +35,7 @@ use card::{Card, card};
 use maud::{Markup, html};
 use murmuration_engine::{
     blocking::{in_background, parallel},
-    taxonomy::{Alike, Medoid, Names, Origin, Taxonomy},
+    taxonomy::{Alike, Names, Taxonomy},
 };
 use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
 use murmuration_proto::v1::{
@@ -79,6 +80,10 @@ struct Shown {
     measured: Arc<Measured>,
     /// The judge's verdicts on medoids, by the index of the medoid.
     words: BTreeMap<u64, Verdict>,
+    /// The purity of each cluster, if it is known, by place.
+    purities: Vec<Option<report::Purity>>,
+    /// The kind of behaviour of each card, by place.
+    kinds: Vec<report::Shown>,
     /// Individuals shown besides the medoids, far from the medoids and from each other.
     further: Vec<u64>,
 }
@@ -101,8 +106,8 @@ pub(super) async fn page(
         None => {}
         Some(shown) => {
             let (taxonomy, stands) = (&shown.taxonomy, shown.version.stands);
-            shown.measured = web.measured.of(&web, &record, taxonomy, stands).await?;
-            shown.words = shown.measured.verdicts(taxonomy);
+            let measured = web.measured.of(&web, &record, taxonomy, stands).await?;
+            shown.measure(measured);
             if let Some(more) = asked.more.filter(|_| shown.version.stands) {
                 let queries = &web.labels.queries;
                 let further = queries
@@ -168,6 +173,8 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
         further: Vec::new(),
         measured: Arc::default(),
         words: BTreeMap::new(),
+        purities: Vec::new(),
+        kinds: Vec::new(),
         versions,
         version,
         taxonomy,
@@ -176,39 +183,32 @@ fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Op
     }))
 }
 
-/// The purity of a cluster, if it is known.
-fn purity(shown: &Shown, place: usize) -> Option<report::Purity> {
-    let taxonomy = &shown.taxonomy;
-    let medoid = taxonomy.medoids.get(place)?.individual.index;
-    let (given, judged) = (shown.labels.given_classes(), &shown.measured.judged);
-    report::Purity::of_cluster(place, medoid, &taxonomy.clusters, &given, judged)
-}
-
-/// The names of the cards, by place. A name that was carried over counts only if the judge does not contradict it.
-fn names(shown: &Shown) -> Vec<report::Shown> {
-    let medoids = shown.taxonomy.medoids.iter().enumerate();
-    let name_of = |(place, medoid): (usize, &Medoid)| {
-        let verdict = shown.words.get(&medoid.individual.index).copied();
-        let name = shown.names.names.get(place).and_then(Option::as_ref);
-        let name = name.filter(|name| match name.origin {
-            Origin::Person => true,
-            Origin::Judge => false,
-            Origin::Carried { .. } => {
-                verdict.is_none_or(|verdict| verdict.name() == name.class.key().as_str())
-            }
-        });
-        report::Shown::of(name.map(|name| &name.class), verdict, purity(shown, place))
-    };
-    medoids.map(name_of).collect()
+impl Shown {
+    /// Notes what was measured of the version: verdicts, purities and the names that follow from them.
+    fn measure(&mut self, measured: Arc<Measured>) {
+        let (taxonomy, given) = (&self.taxonomy, self.labels.given_classes());
+        self.words = measured.verdicts(taxonomy);
+        let medoids = || taxonomy.medoids.iter().map(|medoid| medoid.individual.index);
+        let purity = |(place, index)| {
+            report::Purity::of_cluster(place, index, &taxonomy.clusters, &given, &measured.judged)
+        };
+        self.purities = medoids().enumerate().map(purity).collect();
+        let kind = |(place, index): (usize, u64)| {
+            let name = self.names.names.get(place).and_then(Option::as_ref);
+            let name = name.map(|name| (&name.class, namer(name.origin)));
+            report::Shown::of(name, self.words.get(&index).copied(), self.purities[place])
+        };
+        self.kinds = medoids().enumerate().map(kind).collect();
+        self.measured = measured;
+    }
 }
 
 /// The cards of a version, with an introduction.
 fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
     let embeds = record.spec.space().embeds();
     html! {
-        @let names = names(shown);
         (versions::list(record, shown))
-        (report::answer(&names, &shown.measured.judged))
+        (report::answer(&shown.kinds, &shown.measured.judged))
         p.lead {
             "Each card shows a behaviour that stands for a cluster. The largest cluster is first. "
             @if let Some(sample) = report::sample_in_words(&record.spec) { (sample) " " }
@@ -227,29 +227,23 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
             datalist #names { @for class in shown.labels.classes() { option value=(class.name.shown()) {} } }
         }
         @if shown.version.stands { (parts::status_line()) }
-        @let (distinct, others) = folding(record, shown, &names);
+        @let (distinct, others) = folding(record, shown);
         (groups(record, shown, &distinct))
         @if !others.is_empty() {
             @let folded: Vec<usize> = others.concat();
-            details.others-shown { summary { (report::folded(&names, &folded)) } (groups(record, shown, &others)) }
+            details.others-shown { summary { (report::folded(&shown.kinds, &folded)) } (groups(record, shown, &others)) }
         }
         @if shown.version.stands { (further(record, shown)) }
         (alike::section(record, shown))
     }
 }
 
-/// The groups of clusters with the same name that show a distinct behaviour, and the other groups, which the page folds.
-fn folding(record: &CampaignRecord, shown: &Shown, names: &[report::Shown]) -> (Groups, Groups) {
-    let groups = alike::groups(shown);
-    let (distinct, _) = report::distinct(names);
-    // The judge knows only a few patterns of two species, so its names do not show which behaviours of several species are of one
-    // kind.
-    if distinct.is_empty() || record.spec.model().species().len() > 1 {
-        return (groups, Vec::new());
-    }
-    groups
+/// The groups of clusters with the same name that the page shows first, and the other groups, which it folds.
+fn folding(record: &CampaignRecord, shown: &Shown) -> (Groups, Groups) {
+    let (first, _) = report::folding(&shown.kinds, &record.spec);
+    alike::groups(shown)
         .into_iter()
-        .partition(|group| group.iter().any(|place| distinct.contains(place)))
+        .partition(|group| group.iter().any(|place| first.contains(place)))
 }
 
 /// Clusters with the same name, by their places.

@@ -1,7 +1,7 @@
 //! The page of a behaviour's robustness: its controller from further starts, with the judge's verdict and a picture of each
 //! start.
 
-use super::judged::{STARTS, Start, counted};
+use super::further_starts::{STARTS, Start, counted};
 use crate::asked::Query;
 use crate::{
     archived::Created,
