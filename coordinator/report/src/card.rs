@@ -94,14 +94,16 @@ pub fn heading(number: usize, name: Option<&CardName>, colour: Option<&str>) -> 
     }
 }
 
-/// The line below the heading: the share of the cluster in the archive, its purity, and the medoid's robustness, which is a count
-/// of trials out of all trials.
+/// The line below the heading: the share of the cluster in the archive, and its [`quality`].
 pub fn measures(share: &str, purity: Option<Purity>, robust: Option<(usize, usize)>) -> Markup {
-    html! {
-        strong { (share) } " cluster"
-        @if let Some(purity) = purity { " · purity " (purity.alike) " of " (purity.known) }
-        @if let Some((robust, starts)) = robust { " · robust in " (robust) " of " (starts) }
-    }
+    html! { strong { (share) } " cluster" (quality(purity, robust)) }
+}
+
+/// The purity of a cluster and the robustness of its medoid, a count of trials out of all trials, as the end of a line.
+pub(crate) fn quality(purity: Option<Purity>, robust: Option<(usize, usize)>) -> String {
+    let purity = purity.map(|Purity { alike, known, .. }| format!(" · purity {alike} of {known}"));
+    let robust = robust.map(|(robust, starts)| format!(" · robust in {robust} of {starts}"));
+    purity.into_iter().chain(robust).collect()
 }
 
 /// A small picture on a card.

@@ -2,6 +2,7 @@
 
 use super::{
     MedoidEntry, Report,
+    card::{CardName, quality},
     numbers::percent,
     picture::{Bodies, trajectory_svg},
 };
@@ -11,17 +12,18 @@ use std::fmt::Write as _;
 
 /// Side of a behaviour's square, in units of the figure.
 const SIDE: f64 = 240.0;
-/// Height of the caption under the square.
-const CAPTION: f64 = 30.0;
+/// Height of a line of the caption under the square, and of the whole caption.
+const LINE: f64 = 21.0;
+const CAPTION: f64 = 2.0 * LINE + 6.0;
 /// Space between two behaviours, and around the block of all behaviours.
 const GAP: f64 = 14.0;
-/// Maximum number of characters of a class's name in a caption, which also has a number and a share.
-const MOST_OF_NAME: usize = 22;
+/// Maximum number of characters of a name in a caption, after the number.
+const MOST_OF_NAME: usize = 26;
 /// Maximum number of behaviours in a row.
 const MOST_ABREAST: usize = 8;
 
-/// The sheet as SVG, row by row, the behaviour of the largest cluster first. Each behaviour has its number, its name if it has
-/// one, and its cluster's share of the archive.
+/// The sheet as SVG, row by row, the behaviour of the largest cluster first. The caption of a behaviour has what the first two
+/// lines of its card have: its number and name, and the share, the purity and the robustness of its cluster.
 pub(super) fn svg(report: &Report) -> String {
     let columns = columns(report.medoids.len());
     let rows = report.medoids.len().div_ceil(columns);
@@ -80,16 +82,20 @@ fn behaviour(report: &Report, place: usize, medoid: &MedoidEntry, [left, top]: [
     let world = report.spec.world();
     let scale = SIDE / world.width().max(world.height());
     let share = percent(medoid.cluster_size, report.individuals.len() as u64);
-    let class = report.name_of(place).map(|name| name.class.shown());
+    let name = report.card_name(place);
+    let shown = name.as_ref().map(CardName::shown);
+    let is_unsure = name.as_ref().is_some_and(|name| !name.is_sure());
     html! {
         g transform={ "translate(" (left) " " (top) ")" } {
-            @if let Some(class) = &class { title { (class) } }
+            @if let Some(shown) = &shown { title { (shown) } }
             g transform={ "scale(" (scale) ")" } { (PreEscaped(paths(report, medoid))) }
-            text y=(SIDE + 0.7 * CAPTION) fill="#222" {
+            text y=(SIDE + LINE) fill="#222" {
                 tspan font-weight="bold" { (place + 1) }
-                @if let Some(class) = &class { " " (beginning(class, MOST_OF_NAME)) }
-                tspan fill="#666" { " " (share) }
+                @if let Some(shown) = &shown {
+                    tspan fill=[is_unsure.then_some("#666")] font-style=[is_unsure.then_some("italic")] { " " (beginning(shown, MOST_OF_NAME)) }
+                }
             }
+            text y=(SIDE + 2.0 * LINE) fill="#666" font-size="13" { (share) (quality(report.purity(place), report.robust_trials(medoid))) }
         }
     }
 }
@@ -99,6 +105,7 @@ mod tests {
     use super::*;
     use crate::sample::{self, SMALL};
     use murmuration_model::labels::{ClassName, GivenClass};
+    use murmuration_swarm::{Class, Verdict};
 
     #[test]
     fn all_behaviours_are_on_the_sheet_with_numbers_classes_and_shares() {
@@ -116,8 +123,21 @@ mod tests {
             let share = percent(medoid.cluster_size, report.individuals.len() as u64);
             assert!(sheet.contains(&share), "{share}");
         }
-        assert!(sheet.contains("</tspan> ring of few<tspan"), "{sheet}");
+        assert!(
+            sheet.contains("</tspan><tspan> ring of few</tspan></text>"),
+            "{sheet}"
+        );
         assert_eq!(sheet.matches("<svg").count(), sheet.matches("</svg>").count());
+    }
+
+    #[test]
+    fn a_name_that_nobody_gave_is_grey_with_a_question_mark() {
+        let mut report = sample::report(&SMALL);
+        report.names = crate::Names::default();
+        report.judged.medoids = vec![Verdict::Class(Class::Milling); report.medoids.len()];
+        let sheet = svg(&report);
+        let name = "<tspan fill=\"#666\" font-style=\"italic\"> milling?</tspan>";
+        assert_eq!(sheet.matches(name).count(), report.medoids.len(), "{sheet}");
     }
 
     #[test]
@@ -134,7 +154,7 @@ mod tests {
             "{sheet}"
         );
         assert!(
-            sheet.contains(&format!("</tspan> {}…<tspan", "w".repeat(MOST_OF_NAME))),
+            sheet.contains(&format!("<tspan> {}…</tspan>", "w".repeat(MOST_OF_NAME))),
             "{sheet}"
         );
     }

@@ -11,6 +11,7 @@ pub mod class_map;
 mod contact_sheet;
 mod document;
 mod figure;
+mod findings;
 mod judged;
 mod names;
 mod numbers;
@@ -30,7 +31,8 @@ mod tables;
 mod sample;
 
 pub use document::Document;
-pub use judged::{Candidate, Judged, Shown, answer, folded, folding};
+pub use findings::{Shown, answer, folded, folding};
+pub use judged::{Candidate, Judged};
 pub use names::{CarriedName, Names};
 pub use numbers::sample_in_words;
 pub use pictured::{PictureSheets, Pictured};
@@ -91,6 +93,13 @@ impl Report {
     /// Number of evaluated controllers. The taxonomy and the report cover fewer if the campaign has a sample.
     fn evaluated(&self) -> u64 {
         self.generations.len() as u64 * u64::from(self.spec.search().population())
+    }
+
+    /// The number of a medoid's robust trials, and of all its trials; `None` if individuals have one trial.
+    fn robust_trials(&self, medoid: &MedoidEntry) -> Option<(usize, usize)> {
+        let starts = self.spec.starts().get();
+        let robustness = self.individuals[medoid.index as usize].robustness?;
+        Some(((robustness * starts as f64).round() as usize, starts))
     }
 
     /// Mean robustness of the individuals of a cluster; `None` if individuals have one trial.

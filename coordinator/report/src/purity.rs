@@ -1,6 +1,6 @@
 //! Purity: how well a medoid represents its cluster.
 
-use crate::Judged;
+use crate::{Judged, Report};
 use murmuration_model::labels::GivenClass;
 use murmuration_swarm::counted;
 use std::collections::BTreeMap;
@@ -77,6 +77,20 @@ impl Purity {
             known: alike.len(),
             by_labels,
         })
+    }
+}
+
+impl Report {
+    /// See [`Purity::of_cluster`].
+    pub(crate) fn purity(&self, place: usize) -> Option<Purity> {
+        let medoid = self.medoids.get(place)?.index;
+        Purity::of_cluster(
+            place,
+            medoid,
+            &self.clusters,
+            &self.names.by_individual,
+            &self.judged,
+        )
     }
 }
 

@@ -5,7 +5,7 @@ use crate::{
     Files, MedoidEntry, MedoidPictures, Report, Spread, again,
     card::{Sight, genes, heading, measures, sight},
     contact_sheet,
-    judged::folded,
+    findings::folded,
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
@@ -232,9 +232,7 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
         grouped(medoid.cluster_size),
         counted(whole, "individual")
     );
-    let starts = report.spec.starts().get();
-    let robust = report.individuals[medoid.index as usize].robustness;
-    let robust = robust.map(|robustness| ((robustness * starts as f64).round() as usize, starts));
+    let robust = report.robust_trials(medoid);
     let name = report.card_name(number - 1);
     let class = report.name_of(number - 1);
     let colour = class.and_then(|class| class.colour.map(|colour| colour.to_string()));
