@@ -116,7 +116,6 @@ pub struct ListedCampaign {
 #[derive(Debug, Clone)]
 pub struct Campaigns {
     pub(super) context: StageContext,
-    pub(super) registry: Registry,
     interrupt: Interrupt,
 }
 
@@ -136,12 +135,9 @@ impl Campaigns {
             checkpoints,
             annotator,
             metrics,
-        };
-        Self {
-            context,
             registry: Registry::default(),
-            interrupt,
-        }
+        };
+        Self { context, interrupt }
     }
 
     /// Stores a campaign and starts it. A repeated request changes nothing: the existing campaign continues.
@@ -175,7 +171,9 @@ impl Campaigns {
                 tracing::info!(campaign = %id, "created");
             }
             // The campaign may have been cancelled by now.
-            campaigns.go_on(&campaigns.registry.deciding(&id).await).await?;
+            campaigns
+                .go_on(&campaigns.context.registry.deciding(&id).await)
+                .await?;
             campaigns.status(id.as_str()).await
         };
         let created = tokio::spawn(creating.in_current_span()).await;
@@ -193,7 +191,7 @@ impl Campaigns {
             .filter(|record| record.state == CampaignState::Running);
         for CampaignRecord { id, .. } in running {
             // A person may have decided about the campaign since the records were read.
-            match self.go_on(&self.registry.deciding(&id).await).await {
+            match self.go_on(&self.context.registry.deciding(&id).await).await {
                 Ok(true) => tracing::info!(campaign = %id, "resumed"),
                 Ok(false) => {}
                 Err(error) => tracing::error!(campaign = %id, %error, "cannot be resumed"),
@@ -260,7 +258,7 @@ impl Campaigns {
 
     async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {
         check_simulator(record)?;
-        let deciding = self.registry.deciding(&record.id).await;
+        let deciding = self.context.registry.deciding(&record.id).await;
         let id = record.id.clone();
         // A stored change is carried out even if the mirror lacks it.
         let (reopened, unmirrored) = match self.context.store.run(move |store| store.reopen(&id)).await {
@@ -268,7 +266,7 @@ impl Campaigns {
             reopened => (reopened?, None),
         };
         if reopened {
-            self.registry.stop(&deciding);
+            self.context.registry.stop(&deciding);
             self.go_on(&deciding).await?;
         }
         unmirrored.map_or(Ok(()), |error| Err(error.into()))
@@ -276,7 +274,7 @@ impl Campaigns {
 
     /// For each campaign, oldest first, the fields that a search of the list uses.
     pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
-        let at_work = self.registry.snapshots();
+        let at_work = self.context.registry.snapshots();
         let heads = self.context.store.run(Store::campaign_heads).await?;
         let listed = |mut head: CampaignHead| {
             let Snapshot { active, progress } = at_work.get(&head.id).cloned().unwrap_or_default();
@@ -295,7 +293,7 @@ impl Campaigns {
 
     /// The status of each campaign in `ids`, in that order. Campaigns that no longer exist are skipped.
     pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let at_work = self.registry.snapshots();
+        let at_work = self.context.registry.snapshots();
         let read = move |store: &Store| -> Result<Vec<_>, StoreError> {
             let mut read = Vec::with_capacity(ids.len());
             for id in ids {
@@ -321,7 +319,7 @@ impl Campaigns {
     /// If there is no such campaign or the store cannot be read.
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
-        let snapshot = self.registry.snapshot(&id);
+        let snapshot = self.context.registry.snapshot(&id);
         let read = move |store: &Store| -> Result<_, StoreError> {
             let record = store.campaign(id.as_str())?;
             let notices = store.notices(&record.id)?;
@@ -336,7 +334,7 @@ impl Campaigns {
     /// # Errors
     /// If the store cannot be read.
     pub async fn at_work(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let at_work = self.registry.snapshots().into_iter();
+        let at_work = self.context.registry.snapshots().into_iter();
         let active = at_work.filter(|(_, snapshot)| snapshot.active);
         self.statuses(active.map(|(id, _)| id).collect()).await
     }
@@ -356,7 +354,7 @@ impl Campaigns {
 
     /// Waits until a campaign's status may have changed, for at most a second.
     pub async fn changed(&self, id: &CampaignId) {
-        let progress = self.registry.progress(id);
+        let progress = self.context.registry.progress(id);
         let change = async {
             match progress {
                 Some(mut progress) if progress.has_changed().is_ok() => {
@@ -371,7 +369,7 @@ impl Campaigns {
 
     /// Stops every run and leaves the campaigns' states in the store unchanged, so that they resume with the next coordinator.
     pub async fn stop(&self) {
-        self.registry.end().await;
+        self.context.registry.end().await;
     }
 
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
@@ -395,7 +393,7 @@ impl Campaigns {
         let context = self.context.during(run.clone());
         // The span has no parent: the run outlives the request that started it, and names its campaign itself.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
-        self.registry.start(deciding, |former| {
+        self.context.registry.start(deciding, |former| {
             let work = async move {
                 if let Some(former) = former {
                     // A run that panicked has ended too.

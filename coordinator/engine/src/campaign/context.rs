@@ -1,6 +1,6 @@
 //! The services that every stage uses, and the sizes of its chunks.
 
-use super::{CampaignError, metrics::CampaignMetrics};
+use super::{CampaignError, metrics::CampaignMetrics, registry::Registry};
 use crate::synthetic::SyntheticAnnotator;
 use murmuration_dispatch::{Dispatch, Trainers};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
@@ -17,6 +17,8 @@ pub(super) struct StageContext {
     pub(super) checkpoints: Checkpoints,
     pub(super) annotator: SyntheticAnnotator,
     pub(super) metrics: CampaignMetrics,
+    /// The runs of all campaigns.
+    pub(super) registry: Registry,
 }
 
 impl StageContext {

@@ -134,8 +134,8 @@ impl Campaigns {
     ) -> Result<Deletion, CampaignError> {
         let campaigns = self.clone();
         let deleting = async move {
-            let deciding = campaigns.registry.deciding(&id).await;
-            let has_failed = campaigns.registry.snapshot(&id).progress.failed.is_some();
+            let deciding = campaigns.context.registry.deciding(&id).await;
+            let has_failed = campaigns.context.registry.snapshot(&id).progress.failed.is_some();
             let deletion = campaigns.deletion(&id).await?;
             let deleted = id.clone();
             let delete = move |store: &Store| store.delete_campaign(&deleted, study.as_ref(), has_failed);
@@ -145,7 +145,7 @@ impl Campaigns {
                 deleted => deleted.map(|()| None)?,
             };
             tracing::info!(campaign = %id, "deleted");
-            campaigns.registry.stop(&deciding);
+            campaigns.context.registry.stop(&deciding);
             let submitter = Submitter::Campaign(id);
             campaigns.context.dispatch.withdraw_audits(submitter).await;
             unmirrored.map_or(Ok(deletion), |error| Err(error.into()))
@@ -176,7 +176,7 @@ impl Campaigns {
         let campaigns = self.clone();
         // This runs in a separate task, so that the decision is carried out even if the client has disconnected.
         let deciding = async move {
-            let deciding = campaigns.registry.deciding(&id).await;
+            let deciding = campaigns.context.registry.deciding(&id).await;
             campaigns.decide_alone(&deciding, decision).await?;
             drop(deciding);
             campaigns.status(id.as_str()).await
@@ -186,7 +186,7 @@ impl Campaigns {
     }
 
     async fn decide_alone(&self, deciding: &Deciding, decision: Decision) -> Result<(), CampaignError> {
-        let run = self.registry.snapshot(&deciding.id);
+        let run = self.context.registry.snapshot(&deciding.id);
         let has_failed = run.progress.failed.is_some();
         if decision == Decision::Resume && run.active && !has_failed {
             // The first request may have been refused only because the mirror did not have its decision.
@@ -201,7 +201,7 @@ impl Campaigns {
             Ok(()) => None,
         };
         tracing::info!(campaign = %deciding.id, change = decision.change().name(), "decided");
-        self.registry.stop(deciding);
+        self.context.registry.stop(deciding);
         self.go_on(deciding).await?;
         unmirrored.map_or(Ok(()), |error| Err(error.into()))
     }
@@ -209,7 +209,7 @@ impl Campaigns {
     /// Starts a run of a campaign whose state is `Running`, unless this process already runs it. Returns whether a run started.
     pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
         let record = self.record(deciding.id.as_str()).await?;
-        if record.state != CampaignState::Running || self.registry.snapshot(&deciding.id).active {
+        if record.state != CampaignState::Running || self.context.registry.snapshot(&deciding.id).active {
             return Ok(false);
         }
         self.start(deciding, &record)?;

@@ -4,7 +4,7 @@
 //! do not wait for this lock. The registry's own lock is held only for look-ups, never during waits or computations.
 
 use super::run_handle::Progress;
-use murmuration_model::CampaignId;
+use murmuration_model::{CampaignId, TimeLeft};
 use murmuration_search::interrupt::Interrupt;
 use std::{
     collections::BTreeMap,
@@ -114,6 +114,12 @@ impl Registry {
         let entries = self.lock();
         let entry = entries.campaigns.get(id);
         entry.and_then(Entry::snapshot).unwrap_or_default()
+    }
+
+    /// Remaining time of a campaign's training; `None` if the campaign does not train, or its trainer does not know.
+    pub(super) fn training_left(&self, id: &CampaignId) -> Option<TimeLeft> {
+        let training = self.snapshot(id).progress.training?;
+        training.seconds_left.map(TimeLeft::about)
     }
 
     pub(super) fn snapshots(&self) -> BTreeMap<CampaignId, Snapshot> {

@@ -6,7 +6,7 @@ use super::{
     run_handle::{ABSENCE_LIMIT, Availability, COUNTING_INTERVAL, RunHandle, held_up_by},
 };
 use murmuration_dispatch::{ConnectedMachine, FineTuningParams, JobProgress, TrainingJob};
-use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
+use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TimeLeft, TrainingPictures};
 use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupted;
 use murmuration_store::{EpochRecord, Store, StoreError};
@@ -88,7 +88,10 @@ pub(super) async fn train(
                 _ = tick.tick() => {
                     let missing = trainers.missing(Instant::now());
                     let busy = match missing.is_none() && !has_begun && begun.elapsed() > ABSENCE_LIMIT {
-                        true => all_busy(&record.id, &context.trainers.machines().await),
+                        true => {
+                            let left = |other: &CampaignId| context.registry.training_left(other);
+                            all_busy(&record.id, &context.trainers.machines().await, left)
+                        }
                         false => None,
                     };
                     handle.waiting(held_up_by(missing.or(busy), job_progress.trouble()));
@@ -107,8 +110,13 @@ pub(super) async fn train(
     Ok(checkpoint)
 }
 
-/// The message about trainers that all work for other campaigns than `campaign`; `None` if one is free, or works for it.
-fn all_busy(campaign: &CampaignId, trainers: &[ConnectedMachine]) -> Option<String> {
+/// The message about trainers that all work for other campaigns than `campaign`; `None` if one is free, or works for it. `left` is
+/// the time that a campaign's training still takes, if known.
+fn all_busy(
+    campaign: &CampaignId,
+    trainers: &[ConnectedMachine],
+    left: impl Fn(&CampaignId) -> Option<TimeLeft>,
+) -> Option<String> {
     let of_others = |trainer: &ConnectedMachine| {
         let others = trainer
             .work
@@ -119,8 +127,12 @@ fn all_busy(campaign: &CampaignId, trainers: &[ConnectedMachine]) -> Option<Stri
             .filter(|others| !others.is_empty())
     };
     let others: Option<Vec<Vec<CampaignId>>> = trainers.iter().map(of_others).collect();
-    let others: BTreeSet<String> = others?.concat().iter().map(CampaignId::to_string).collect();
-    let others: Vec<String> = others.into_iter().collect();
+    let others: BTreeSet<CampaignId> = others?.concat().into_iter().collect();
+    let in_words = |other: CampaignId| match left(&other) {
+        Some(left) => format!("{other} ({})", left.in_words()),
+        None => other.to_string(),
+    };
+    let others: Vec<String> = others.into_iter().map(in_words).collect();
     (!others.is_empty()).then(|| {
         let are = if trainers.len() == 1 {
             "the only trainer is"
@@ -199,7 +211,8 @@ mod tests {
     #[test]
     fn a_training_that_waits_for_others_names_them() {
         let own = "own-1".parse().unwrap();
-        let busy = |trainers: &[ConnectedMachine]| all_busy(&own, trainers);
+        let left = |id: &CampaignId| (id.as_str() == "a-1").then_some(TimeLeft::about(90.0));
+        let busy = |trainers: &[ConnectedMachine]| all_busy(&own, trainers, left);
         let one = busy(&[trainer(&["other-3"])]).unwrap();
         assert_eq!(
             one,
@@ -208,7 +221,7 @@ mod tests {
         let two = busy(&[trainer(&["other-3"]), trainer(&["a-1"])]).unwrap();
         assert_eq!(
             two,
-            "waits for a trainer: all trainers are at work for a-1 and other-3"
+            "waits for a trainer: all trainers are at work for a-1 (about 2 minutes) and other-3"
         );
         for free in [
             &[][..],
