@@ -82,16 +82,14 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
         @if record.individuals() == 0 {
             p.empty { "The map is empty until the first generation is complete." }
         } @else {
-            div.lead {
-                (atlas::explained(spec, &layout, record.individuals()))
-                @if record.individuals() < spec.evaluations() { p { "The campaign goes on: load the page again to see more." } }
-            }
+            @if record.individuals() < spec.evaluations() { p.lead { "The campaign goes on: load the page again to see more." } }
             div.columns.atlas data-swarm=(swarm.to_string()) {
                 section.plane.scripted aria-label="All controllers" {
                     (atlas::canvas())
                     img #source src={ "/campaigns/" (id) "/atlas/map.png" } alt="" hidden;
                 }
                 section.side aria-label="The chosen controller" {
+                    ul #classes aria-label="Classes: each button shows its controllers alone" {}
                     div.player.scripted {
                         div.stage { canvas role="img" aria-label="Motion of the chosen controller" {} p.waiting { "Choose a controller on the map." } }
                         div.transport {
@@ -102,10 +100,10 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                     }
                     (parts::status_line())
                     div #chosen aria-live="polite" { p.reason { "Point at a controller." } }
-                    ul #classes aria-label="Classes: each button shows its controllers alone" {}
                 }
             }
             p.reason.scripted { (atlas::HOW) " Space plays and pauses the motion." }
+            div.lead { (atlas::explained(spec, &layout, record.individuals())) }
         }
     };
     Ok(campaign_page(&record, Part::Atlas, &visitor, content))

@@ -79,6 +79,7 @@ fn marked_part(text: &str) -> Option<(Markup, &str)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_swarm::Verdict;
 
     #[test]
     fn entries_have_their_places_and_marks_are_none_of_the_text() {
@@ -104,7 +105,9 @@ mod tests {
             .collect();
         let distinct: std::collections::BTreeSet<_> = places.iter().collect();
         assert_eq!(distinct.len(), places.len(), "two entries have one name");
-        for entry in ["medoid", "novelty", "filter", "round", "seed", "embedder"] {
+        let kinds = Verdict::all().map(|verdict| slug(&verdict.name().replace('_', " ")));
+        let linked = ["medoid", "novelty", "filter", "round", "seed", "embedder"].map(str::to_owned);
+        for entry in linked.into_iter().chain(kinds) {
             assert!(page.contains(&format!("id=\"{entry}\"")), "{entry}");
         }
     }

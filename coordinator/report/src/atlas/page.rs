@@ -35,10 +35,10 @@ pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], m
             img #source src=(map) alt="" hidden;
             aside {
                 h1 { "Every controller of the robot " (atlas.spec.model()) }
-                (explained(&atlas.spec, layout, atlas.entries.len() as u64))
-                p { (HOW) " Close up, the pictures of the swarms appear." }
                 ul #classes {}
                 section #chosen aria-live="polite" { p { "Point at a controller." } }
+                (explained(&atlas.spec, layout, atlas.entries.len() as u64))
+                p { (HOW) " Close up, the pictures of the swarms appear." }
             }
         }
         // Without the escape, the data could end the `script` element.

@@ -27,6 +27,9 @@ use murmuration_swarm::{counted, grouped};
 use sight::Sight;
 use tonic::Status;
 
+/// A small study, for people who have none yet.
+const EXAMPLE: &str = include_str!("../../../../studies/small.toml");
+
 pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
     let names = web.studies.names().await?;
     let known = web.studies.known(&web.campaigns).await?;
@@ -42,7 +45,10 @@ pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Mar
             h1 { "Studies" }
             p.lead { "A study is a grid of campaigns, each in several replicates, with one report." }
             @if listed.is_empty() {
-                p { "There are no studies in this data directory yet. The command " code { "murmuration lab study run FILE --data DIR" } " runs one; DIR is the coordinator's." }
+                p { "There are no studies in this data directory yet. To begin one that takes seconds, save this file as " code { "small.toml" } ":" }
+                pre tabindex="0" { code { (EXAMPLE) } }
+                p { "Then run it on the coordinator's machine, where " code { "DIR" } " is the coordinator's data directory:" }
+                pre tabindex="0" { code { "murmuration lab study run small.toml --data DIR" } }
             } @else {
                 ul.campaigns {
                     @for (name, sight) in &listed {
