@@ -38,7 +38,7 @@ pub(super) async fn one(OfCampaign { web, record, visitor }: OfCampaign) -> Resu
                 }
                 (parts::palette(record.spec.world(), true))
                 (parts::status_line())
-                (learning::button(&web, &record).await?)
+                (learning::button(&web, &record, Part::Label).await?)
                 (parts::downloads(&record))
             }
         }
@@ -107,7 +107,7 @@ pub(super) async fn sheet(OfCampaign { web, record, visitor }: OfCampaign) -> Re
                 p #rest.reason.scripted { "…" }
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())
-                (learning::button(&web, &record).await?)
+                (learning::button(&web, &record, Part::Sheet).await?)
             }
         }
     };

@@ -1,25 +1,51 @@
 //! The button that begins a round of learning, with the effects on the campaign and the expected duration.
 
-use super::{Web, page_error::PageError};
+use super::{Web, asked::Query, layout::Part, page_error::PageError};
+use axum::{
+    extract::{Path, State},
+    response::Redirect,
+};
 use maud::{Markup, html};
 use murmuration_model::{CampaignRecord, CampaignState, TimeLeft};
 use murmuration_store::{Store, StoreError, TaxonomyVersion};
 use murmuration_swarm::{Feedback, counted};
 
-/// The button that starts learning from the labels; empty if the campaign has no embedding.
-pub(super) async fn button(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
+/// The button that starts learning from the labels, on the page of `part`; empty if the campaign has no embedding.
+pub(super) async fn button(web: &Web, record: &CampaignRecord, part: Part) -> Result<Markup, PageError> {
     if !record.spec.space().embeds() || record.state == CampaignState::Cancelled {
         return Ok(Markup::default());
     }
     let of = record.clone();
     let estimate = web.store.run(move |store| Estimate::read(store, &of)).await?;
+    let page = if part == Part::Map { "?page=map" } else { "" };
     Ok(html! {
-        form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } data-ask=(announcement(record, estimate)) {
+        form.learn method="post" action={ "/campaigns/" (record.id) "/refine" (page) } data-ask=(announcement(record, estimate)) {
             button { "Learn from all answers" }
             p #doing.reason role="status" {}
             p.reason { a href={ "/campaigns/" (record.id) "#pause" } { "Progress" } " shows how far it is, and can pause it." }
         }
     })
+}
+
+/// The parameters of the address of [`begin`].
+#[derive(Debug, serde::Deserialize)]
+pub(super) struct Asked {
+    page: Option<String>,
+}
+
+/// Starts to learn from the labels, and leads to the page Progress. A person who began on the map stays there.
+pub(super) async fn begin(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Query(asked): Query<Asked>,
+) -> Result<Redirect, PageError> {
+    let refined = web.campaigns.refine(&id).await?;
+    let page = if asked.page.as_deref() == Some("map") {
+        "/map"
+    } else {
+        ""
+    };
+    Ok(Redirect::to(&format!("/campaigns/{}{page}", refined.record.id)))
 }
 
 /// Duration of a round, estimated from the last round.
@@ -53,7 +79,7 @@ impl Estimate {
         let message = |seconds| TimeLeft::about(seconds).in_words();
         match self.after {
             Some(after) => format!(
-                "By the last round, that takes {}: {} of training, and {} to embed, search and cluster, pauses included.",
+                "By the last round, it takes {}: {} of training, and {} to embed, search and cluster.",
                 message(self.training + after),
                 message(self.training),
                 message(after)
@@ -85,22 +111,26 @@ fn until_made(trained_ms: u64, made: &TaxonomyVersion, now: u64) -> Option<f64> 
     Some(took * now as f64 / made.individuals.max(1) as f64)
 }
 
-/// Describes the effects of learning to a person who is about to begin a round.
+/// The question before a round, with its effects and its duration, in the format of `ask.js`.
 fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     let further = record.spec.feedback().map_or(0, Feedback::generations);
     let search = match further {
         0 => String::new(),
-        further => format!(", searches for {} more", counted(further.into(), "generation")),
+        further => format!(
+            " Then it searches for {} more.",
+            counted(further.into(), "generation")
+        ),
     };
     let takes = estimate.map_or_else(
         || "That takes from seconds to some minutes.".to_owned(),
         Estimate::in_words,
     );
     format!(
-        "The campaign fine-tunes its embedder on all labels, embeds its {} again{search}, and clusters them anew. {takes} \
-         The clusters and their order change; your labels stay. Progress shows how far it is, and can pause it: until \
-         the archive is embedded again, a paused campaign keeps the taxonomy that it has. Resume goes on after the last epoch; \
-         “Learn from all answers” restarts the training with the current answers.",
+        "Learn from all answers?\n\
+         - The embedder is fine-tuned on all labels, and embeds the {} again.{search}\n\
+         - The clusters and their order change. Your labels stay.\n\
+         - Progress shows how far it is. It can be paused there, and goes on after its last epoch.\n\
+         {takes}",
         counted(record.individuals(), "individual")
     )
 }
@@ -143,8 +173,8 @@ mod tests {
         };
         assert_eq!(
             whole.in_words(),
-            "By the last round, that takes about 10 minutes: about 2 minutes of training, and about 9 minutes to embed, search and \
-             cluster, pauses included."
+            "By the last round, it takes about 10 minutes: about 2 minutes of training, and about 9 minutes to embed, search and \
+             cluster."
         );
         let cut = Estimate { after: None, ..whole };
         assert!(

@@ -175,7 +175,7 @@ fn pages() -> GuardedRouter<Web> {
         .post("/campaigns/{id}/pause", OPERATOR, Decision, pages::pause)
         .post("/campaigns/{id}/resume", OPERATOR, Decision, pages::resume)
         .post("/campaigns/{id}/cancel", OPERATOR, Decision, pages::cancel)
-        .post("/campaigns/{id}/refine", OPERATOR, Decision, pages::refine)
+        .post("/campaigns/{id}/refine", OPERATOR, Decision, learning::begin)
         .post("/campaigns/{id}/extend", OPERATOR, Decision, pages::extend)
         .get("/campaigns/{id}/delete", OPERATOR, Light, delete::page)
         .post("/campaigns/{id}/delete", OPERATOR, Decision, delete::delete)

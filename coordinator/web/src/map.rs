@@ -107,7 +107,7 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                 p #gallery-line.reason.scripted hidden {}
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())
-                (learning::button(&web, &record).await?)
+                (learning::button(&web, &record, Part::Map).await?)
                 (parts::downloads(&record))
             }
         }

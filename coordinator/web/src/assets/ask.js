@@ -1,5 +1,5 @@
-// Asks a person before a form starts something slow or irreversible. The form's data-ask is the question, its data-yes the label
-// of the button that agrees.
+// Asks a person before a form starts something slow or irreversible. The form's data-ask is the question, a paragraph a line, in
+// which lines that begin with "- " are a list; its data-yes is the label of the button that agrees.
 
 // `true` means the capture phase: the listener runs before the form's own listeners.
 document.addEventListener("submit", ask, true);
@@ -51,10 +51,10 @@ function tell(message) {
 function dialogOf(message, button, yesText) {
   const dialog = document.createElement("dialog");
   dialog.className = "ask";
-  const text = document.createElement("p");
-  text.id = "asked";
-  text.textContent = message;
-  dialog.setAttribute("aria-labelledby", text.id);
+  const question = document.createElement("div");
+  question.id = "asked";
+  question.append(...blocks(message));
+  dialog.setAttribute("aria-labelledby", question.id);
   const form = document.createElement("form");
   form.method = "dialog";
   const [no, yes] = ["", "yes"].map((value) => {
@@ -67,6 +67,22 @@ function dialogOf(message, button, yesText) {
   yes.className = button.className;
   yes.textContent = yesText;
   form.append(no, yes);
-  dialog.append(text, form);
+  dialog.append(question, form);
   return dialog;
+}
+
+function blocks(message) {
+  const all = [];
+  for (const line of message.split("\n")) {
+    const item = line.startsWith("- ");
+    const block = document.createElement(item ? "li" : "p");
+    block.textContent = item ? line.slice(2) : line;
+    if (!item) all.push(block);
+    else if (all.at(-1)?.nodeName === "UL") all.at(-1).append(block);
+    else {
+      all.push(document.createElement("ul"));
+      all.at(-1).append(block);
+    }
+  }
+  return all;
 }

@@ -32,10 +32,14 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
     window.click("dialog.ask [value=yes]").await;
     // The campaign evaluates one more generation of 20, in the behaviour space of the fine-tuned embedder.
     window
-        .until("document.getElementById('legend')?.textContent.includes('unnamed · 108')")
+        .until("location.pathname === '/campaigns/small-1' && document.querySelector('.progress')?.textContent.includes('120 of 120')")
         .await;
     window
-        .until("document.getElementById('doing').textContent === ''")
+        .until("document.querySelector('.stands').textContent === 'completed'")
+        .await;
+    window.driver.goto(scene.url("/map")).await.unwrap();
+    window
+        .until("document.getElementById('legend')?.textContent.includes('unnamed · 108')")
         .await;
     assert_ne!(scene.cluster.status("latest").await.checkpoint, before);
     window.picture("map-learned").await;
@@ -44,7 +48,7 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
     let message = window.value("document.querySelector('.learn').dataset.ask").await;
     let message = message.as_str().unwrap();
     assert!(
-        message.contains("By the last round, that takes") && message.contains("of training"),
+        message.contains("By the last round, it takes") && message.contains("of training"),
         "{message}"
     );
     window.close().await;
