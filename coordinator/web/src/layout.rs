@@ -148,6 +148,9 @@ fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
     }
 }
 
+/// Scripts of the pages that show cards of behaviours.
+const WITH_CARDS: [&str; 3] = ["progress.js", "sidebyside.js", "taxonomy.js"];
+
 fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Markup {
     html! {
         (DOCTYPE)
@@ -164,7 +167,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 link rel="stylesheet" href="/assets/teach.css";
                 link rel="stylesheet" href="/assets/play.css";
                 @if scripts.contains(&"map.js") { link rel="stylesheet" href="/assets/pins.css"; }
-                @if scripts.contains(&"taxonomy.js") { link rel="stylesheet" href="/assets/card.css"; }
+                @if scripts.iter().any(|script| WITH_CARDS.contains(script)) { link rel="stylesheet" href="/assets/card.css"; }
                 @if scripts.contains(&"atlas.js") { link rel="stylesheet" href="/assets/atlas.css"; }
                 @if scripts.contains(&"study.js") {
                     link rel="stylesheet" href="/assets/tables.css";

@@ -76,7 +76,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
                 ..pages::Slots::of(&web, &status).await
             };
             *latest = Some(rendered);
-            Ok::<_, CampaignError>(slots.sent())
+            Ok::<_, PageError>(slots.sent())
         }
     };
     Ok(follow(sights, look))

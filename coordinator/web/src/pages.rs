@@ -2,16 +2,19 @@
 
 use super::{
     Web,
-    archived::{self, Created},
+    archived::Created,
     asked::{Form, Query},
     delete, history,
     layout::{Part, campaign_page},
     machines,
-    named::NamedTaxonomy,
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
     stages::{progress, stage_left, whole_left},
+    taxonomy::{
+        card::{Card, brief},
+        shown_version::ShownVersion,
+    },
     visitor::Visitor,
 };
 use axum::{
@@ -75,9 +78,9 @@ pub(super) async fn campaign(
 }
 
 /// The taxonomy on a campaign's page; empty if the campaign has no taxonomy yet.
-pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
-    let named = NamedTaxonomy::read(web, record).await?;
-    Ok(named.map_or_else(Markup::default, |named| behaviours(record, &named)))
+pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
+    let shown = ShownVersion::current(web, record).await?;
+    Ok(shown.map_or_else(Markup::default, |shown| behaviours(record, &shown)))
 }
 
 /// The rounds of learning of a campaign, as a table.
@@ -306,26 +309,19 @@ fn facts(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// The list of medoids, largest cluster first.
-fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
-    let medoids = &named.taxonomy.medoids;
+/// The findings and the cards of the distinct behaviours, largest cluster first.
+fn behaviours(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
+    let (distinct, others) = shown.folding(record);
+    let taxonomy = format!("/campaigns/{}/taxonomy", record.id);
     html! {
-        h2 { (counted(medoids.len() as u64, "cluster")) " of behaviours" }
+        h2 { (counted(shown.taxonomy.medoids.len() as u64, "cluster")) " of behaviours" }
+        (shown.answer())
         p.lead {
             "Each picture shows the last steps of a swarm that stands for a cluster. "
-            a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name the behaviours" }
+            a href=(taxonomy) { "Watch and name the behaviours" }
         }
-        ul.behaviours {
-            @for (place, medoid) in medoids.iter().enumerate() {
-                @let index = medoid.individual.index;
-                li {
-                    img src=(archived::paths(record, index)) width="150" height="150" loading="lazy"
-                        alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
-                    p { (named.caption(place)) }
-                    p { code { (medoid.individual.controller) } }
-                }
-            }
-        }
+        ul.medoids { @for place in distinct { li { (brief(&Card { record, shown, place })) } } }
+        @if !others.is_empty() { p.reason { a href=(taxonomy) { (shown.folded(&others)) } } }
     }
 }
 
@@ -365,12 +361,6 @@ pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Re
 pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let cancelled = web.campaigns.cancel(&id).await?;
     Ok(page_of(cancelled.record.id.as_str()))
-}
-
-/// Starts to learn from the labels, and redirects to the map, which shows the progress.
-pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
-    let refined = web.campaigns.refine(&id).await?;
-    Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
 }
 
 /// The form of [`extend`].

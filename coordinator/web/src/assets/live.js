@@ -33,14 +33,15 @@ function fill(slot, { childNodes }) {
 }
 
 // Updates a node to match a new node, and keeps equal parts, so that a button that a person presses stays the same button. If the
-// new node has another id or action, it replaces the old node: a click that began on Pause must not end on Resume.
+// new node has another id or action, it replaces the old node: a click that began on Pause must not end on Resume. Details that a
+// person has opened stay open.
 function renew(old, fresh) {
   if (old.isEqualNode(fresh)) return;
   if (old.nodeType !== Node.ELEMENT_NODE || old.nodeName !== fresh.nodeName || isAnother(old, fresh)) {
     old.replaceWith(fresh);
     return;
   }
-  for (const { name } of [...old.attributes]) if (!fresh.hasAttribute(name)) old.removeAttribute(name);
+  for (const { name } of [...old.attributes]) if (name !== "open" && !fresh.hasAttribute(name)) old.removeAttribute(name);
   for (const { name, value } of fresh.attributes) if (old.getAttribute(name) !== value) old.setAttribute(name, value);
   const [olds, news] = [[...old.childNodes], [...fresh.childNodes]];
   if (olds.length === news.length) olds.forEach((child, i) => renew(child, news[i]));

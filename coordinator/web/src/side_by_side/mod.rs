@@ -4,14 +4,15 @@ mod matching;
 mod taxonomies;
 
 use super::{
-    Web, asked::Query, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor,
+    Web, asked::Query, layout::layout_with, page_error::PageError, taxonomy::shown_version::ShownVersion,
+    visitor::Visitor,
 };
 use axum::extract::State;
 use maud::{Markup, html};
 use murmuration_engine::blocking::in_background;
 use murmuration_model::CampaignRecord;
 use murmuration_study::wide;
-use murmuration_swarm::{Invalid, Verdict, counted};
+use murmuration_swarm::{Invalid, counted};
 use std::collections::{BTreeMap, BTreeSet};
 use toml::{Table, Value};
 
@@ -21,10 +22,8 @@ const MOST: usize = 6;
 /// A campaign on the page.
 struct Compared {
     record: CampaignRecord,
-    /// The campaign's taxonomy with names; `None` if there is no taxonomy yet.
-    named: Option<NamedTaxonomy>,
-    /// The judge's verdicts on medoids, by the index of the medoid.
-    words: BTreeMap<u64, Verdict>,
+    /// The campaign's taxonomy; `None` if there is no taxonomy yet.
+    shown: Option<ShownVersion>,
 }
 
 /// The page of the campaigns in the address.
@@ -50,15 +49,8 @@ pub(super) async fn page(
         if compared.iter().any(|other| other.record.id == record.id) {
             continue;
         }
-        let named = NamedTaxonomy::read(&web, &record).await?;
-        let words = match &named {
-            Some(NamedTaxonomy { taxonomy, .. }) => {
-                let measured = web.measured.of(&web, &record, taxonomy, true).await?;
-                measured.verdicts(taxonomy)
-            }
-            None => BTreeMap::new(),
-        };
-        compared.push(Compared { record, named, words });
+        let shown = ShownVersion::current(&web, &record).await?;
+        compared.push(Compared { record, shown });
     }
     // The matching of large taxonomies takes long.
     let content = in_background(move |_| shown(&compared)).await?;

@@ -2,7 +2,7 @@
 //! a row for each behaviour and a column for each campaign.
 
 use super::{
-    super::archived,
+    super::taxonomy::card::{Card, brief},
     Compared,
     matching::{Behaviour, Group, by_class, by_distance},
 };
@@ -22,7 +22,7 @@ pub(super) fn section(compared: &[Compared]) -> Markup {
     let all = behaviours(compared);
     let with = compared
         .iter()
-        .filter(|compared| compared.named.is_some())
+        .filter(|compared| compared.shown.is_some())
         .count();
     let has_one_space = with > 1 && have_one_space(compared);
     let groups = match has_one_space {
@@ -44,20 +44,20 @@ pub(super) fn section(compared: &[Compared]) -> Markup {
 /// The medoids of all campaigns, campaign by campaign, largest cluster first.
 fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
     let mut all = Vec::new();
-    for (campaign, Compared { record, named, words }) in compared.iter().enumerate() {
-        let Some(named) = named else { continue };
-        all.extend(named.taxonomy.medoids.iter().enumerate().map(|(place, medoid)| {
+    for (campaign, Compared { record, shown }) in compared.iter().enumerate() {
+        let Some(shown) = shown else { continue };
+        all.extend(shown.taxonomy.medoids.iter().enumerate().map(|(place, medoid)| {
             Behaviour {
                 campaign,
                 place,
                 // Distances are used only if campaigns share a space, and campaigns share only spaces that are not scaled.
                 at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
                 mean_distance: medoid.mean_distance,
-                class: named
+                class: shown
                     .class(place)
                     .filter(|class| class.key().as_str() != RANDOM)
                     .cloned()
-                    .or_else(|| judged(*words.get(&medoid.individual.index)?)),
+                    .or_else(|| judged(*shown.words.get(&medoid.individual.index)?)),
             }
         }));
     }
@@ -72,7 +72,7 @@ fn judged(verdict: Verdict) -> Option<ClassName> {
 
 /// Whether all campaigns with a taxonomy share one space, so that distances between their behaviours have a meaning.
 fn have_one_space(compared: &[Compared]) -> bool {
-    let mut with = compared.iter().filter(|compared| compared.named.is_some());
+    let mut with = compared.iter().filter(|compared| compared.shown.is_some());
     let first = with.next();
     first.is_some_and(|first| with.all(|other| share_a_space(&first.record, &other.record)))
 }
@@ -126,7 +126,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
                 "the classes that annotators gave, or else by what the rule-based judge calls them. Those without a class are not matched."
             }
             ul.reason {
-                @for Compared { record, .. } in compared.iter().filter(|compared| compared.named.is_some()) {
+                @for Compared { record, .. } in compared.iter().filter(|compared| compared.shown.is_some()) {
                     li { strong { (record.id) } ": " (space_in_words(record)) }
                 }
             }
@@ -199,7 +199,7 @@ fn rows(
         table.taxonomies {
             thead { tr {
                 th scope="col" { "Found in" }
-                @for Compared { record, named, .. } in compared { th scope="col" { (record.id) @if named.is_none() { p.reason { "It has no taxonomy yet." } } } }
+                @for Compared { record, shown } in compared { th scope="col" { (record.id) @if shown.is_none() { p.reason { "It has no taxonomy yet." } } } }
             } }
             tbody {
                 @for (place, group) in groups.iter().enumerate() {
@@ -263,25 +263,15 @@ fn in_so_many(campaigns: usize, with: usize) -> String {
 }
 
 fn pictures(
-    Compared { record, named, .. }: &Compared,
+    Compared { record, shown }: &Compared,
     all: &[Behaviour],
     members: &[usize],
     is_by_distance: bool,
 ) -> Markup {
     html! {
-        @if let Some(named) = named {
+        @if let Some(shown) = shown {
             @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "none of this class" } } }
-            ul.found {
-                @for &member in members {
-                    @let place = all[member].place;
-                    @let index = named.taxonomy.medoids[place].individual.index;
-                    li {
-                        img src=(archived::paths(record, index)) width="75" height="75" loading="lazy"
-                            alt={ "Paths of behaviour " (place + 1) " of " (record.id) };
-                        (named.caption(place))
-                    }
-                }
-            }
+            ul.found { @for &member in members { li { (brief(&Card { record, shown, place: all[member].place })) } } }
         }
     }
 }

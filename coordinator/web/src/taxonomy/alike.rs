@@ -1,6 +1,6 @@
 //! Pairs of clusters that are possibly one behaviour, and merged clusters: clusters with the same name are one behaviour.
 
-use super::{Shown, starts};
+use super::{shown_version::ShownVersion, starts};
 use crate::archived;
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
@@ -14,13 +14,13 @@ const MOST: usize = 50;
 
 /// The name of a cluster that people gave, or that comes from an earlier version; `None` for `random`, because random behaviours
 /// need not be alike.
-fn name_of(shown: &Shown, place: usize) -> Option<&ClassName> {
+fn name_of(shown: &ShownVersion, place: usize) -> Option<&ClassName> {
     let name = shown.names.names.get(place)?.as_ref()?;
     (name.origin != Origin::Judge && name.class.key().as_str() != RANDOM).then_some(&name.class)
 }
 
 /// The clusters, largest first. Clusters with the same name are grouped, because they are one behaviour.
-pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
+pub(super) fn groups(shown: &ShownVersion) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for place in 0..shown.taxonomy.medoids.len() {
         let name = name_of(shown, place);
@@ -36,7 +36,7 @@ pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
 }
 
 /// The pairs of similar clusters that people have not merged yet.
-fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
+fn open(shown: &ShownVersion) -> impl Iterator<Item = &Alike> {
     let is_one = |pair: &&Alike| {
         let name = name_of(shown, pair.one);
         name.is_some() && name == name_of(shown, pair.other)
@@ -45,7 +45,7 @@ fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
 }
 
 /// The mark on the card of a cluster that is possibly the same behaviour as other clusters.
-pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
+pub(super) fn mark(shown: &ShownVersion, place: usize) -> Markup {
     let others = open(shown).filter_map(|pair| match place {
         place if place == pair.one => Some(pair.other),
         place if place == pair.other => Some(pair.one),
@@ -66,7 +66,7 @@ pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
 }
 
 /// A link to the list of similar pairs, with their number.
-pub(super) fn link(shown: &Shown) -> Markup {
+pub(super) fn link(shown: &ShownVersion) -> Markup {
     let pairs = open(shown).count();
     html! {
         @if pairs > 0 {
@@ -76,7 +76,7 @@ pub(super) fn link(shown: &Shown) -> Markup {
 }
 
 /// The list of similar pairs, each with a button that merges the pair.
-pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
+pub(super) fn section(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
     html! {
         @if open(shown).next().is_some() {
             section.pairs aria-labelledby="pairs" {
@@ -99,7 +99,7 @@ pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
+fn pair_of(record: &CampaignRecord, shown: &ShownVersion, pair: &Alike) -> Markup {
     let medoids = [pair.one, pair.other].map(|place| &shown.taxonomy.medoids[place]);
     let indices = medoids.map(|medoid| medoid.individual.index);
     let [one, other] = [pair.one + 1, pair.other + 1];

@@ -1,6 +1,6 @@
 //! The cards of behaviours on the page Taxonomy.
 
-use super::{Shown, alike, starts, versions};
+use super::{alike, shown_version::ShownVersion, starts, versions};
 use crate::{archived, named::on_card, new::token, parts, play};
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
@@ -12,21 +12,20 @@ use murmuration_report::{
 };
 use murmuration_swarm::{CampaignSpec, Verdict, counted, figure, grouped};
 
-pub(super) struct Card<'a> {
-    pub(super) record: &'a CampaignRecord,
-    pub(super) shown: &'a Shown,
-    pub(super) place: usize,
+pub(crate) struct Card<'a> {
+    pub(crate) record: &'a CampaignRecord,
+    pub(crate) shown: &'a ShownVersion,
+    pub(crate) place: usize,
 }
 
 impl Card<'_> {
     fn name(&self) -> Option<&ClusterName> {
-        self.shown.names.names.get(self.place)?.as_ref()
+        self.shown.name(self.place)
     }
 
     /// The judge's verdict on the medoid.
     fn verdict(&self) -> Option<Verdict> {
-        let index = self.shown.taxonomy.medoids[self.place].individual.index;
-        self.shown.words.get(&index).copied()
+        self.shown.words.get(&self.index()).copied()
     }
 
     /// The name of the behaviour, or else the judge's verdict on it.
@@ -38,27 +37,36 @@ impl Card<'_> {
         })
     }
 
+    fn index(&self) -> u64 {
+        self.shown.taxonomy.medoids[self.place].individual.index
+    }
+
+    /// The number of the cluster's individuals, and of all individuals.
+    fn members(&self) -> [u64; 2] {
+        let taxonomy = &self.shown.taxonomy;
+        [
+            taxonomy.medoids[self.place].cluster_size,
+            taxonomy.clusters.len() as u64,
+        ]
+    }
+
     fn purity(&self) -> Option<Purity> {
         *self.shown.purities.get(self.place)?
     }
 
     /// The number of the medoid's robust trials, and of all its trials; `None` if individuals have one trial.
     fn robust(&self) -> Option<(usize, usize)> {
-        let taxonomy = &self.shown.taxonomy;
-        let index = taxonomy.medoids[self.place].individual.index as usize;
-        let robust = taxonomy.robust_trials.get(index)?;
+        let robust = self.shown.taxonomy.robust_trials.get(self.index() as usize)?;
         Some((usize::from(*robust), self.record.spec.starts().get()))
     }
 }
 
 /// The card of several clusters with the same name, as one behaviour.
-pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) -> Markup {
+pub(super) fn merged(record: &CampaignRecord, shown: &ShownVersion, group: &[usize]) -> Markup {
     let medoids = || group.iter().map(|&place| &shown.taxonomy.medoids[place]);
     let members: u64 = medoids().map(|medoid| medoid.cluster_size).sum();
     let individuals = shown.taxonomy.clusters.len().max(1);
-    let name = group
-        .first()
-        .and_then(|&place| shown.names.names.get(place)?.as_ref());
+    let name = group.first().and_then(|&place| shown.name(place));
     let first = group.first().map_or(0, |place| place + 1);
     html! {
         section aria-labelledby={ "merged-" (first) } {
@@ -75,23 +83,16 @@ pub(super) fn merged(record: &CampaignRecord, shown: &Shown, group: &[usize]) ->
 
 /// The card of a cluster: its picture, its name and its numbers.
 pub(super) fn card(card: &Card<'_>) -> Markup {
-    let (record, taxonomy) = (card.record, &card.shown.taxonomy);
-    let medoid = &taxonomy.medoids[card.place];
-    let individuals = taxonomy.clusters.len();
-    let index = medoid.individual.index;
-    let number = card.place + 1;
-    let (share, name) = (share(medoid.cluster_size, individuals), card.card_name());
+    let (record, number) = (card.record, card.place + 1);
+    let (index, [members, individuals]) = (card.index(), card.members());
     html! {
         article.medoid.behaviour data-index=(index) aria-labelledby={ "behaviour-" (number) } {
             (film(record, index, &format!("behaviour {number}")))
-            progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all individuals" {}
+            progress value=(members) max=(individuals) aria-label="Share of all individuals" {}
             div.text {
                 div.name {
-                    h2 id={ "behaviour-" (number) } { (heading(number, name.as_ref(), None)) }
-                    p title={
-                        (grouped(medoid.cluster_size)) " of " (counted(individuals as u64, "individual"))
-                        " are nearer to this behaviour than to any other on this page"
-                    } { (measures(&share, card.purity(), card.robust())) }
+                    h2 id={ "behaviour-" (number) } { (heading(number, card.card_name().as_ref(), None)) }
+                    (line(card))
                 }
                 (naming(card, index))
                 (origin(card))
@@ -101,6 +102,36 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
             }
         }
     }
+}
+
+/// The card of a cluster on pages where its motion does not play and it is not named.
+pub(crate) fn brief(card: &Card<'_>) -> Markup {
+    let (number, index, [members, individuals]) = (card.place + 1, card.index(), card.members());
+    html! {
+        article.behaviour {
+            a.film href={ "/campaigns/" (card.record.id) "/taxonomy#behaviour-" (number) } {
+                img src=(archived::paths(card.record, index)) width="300" height="300" loading="lazy"
+                    alt={ "Paths of behaviour " (number) ", individual " (index) };
+            }
+            progress value=(members) max=(individuals) aria-label="Share of all individuals" {}
+            div.text {
+                div.name { h3 { (heading(number, card.card_name().as_ref(), None)) } (line(card)) }
+                (sights(card))
+                (more(card))
+            }
+        }
+    }
+}
+
+/// The line with the share, the purity and the robustness of a cluster.
+fn line(card: &Card<'_>) -> Markup {
+    let [members, individuals] = card.members();
+    let title = format!(
+        "{} of {} are nearer to this behaviour than to any other of the taxonomy",
+        grouped(members),
+        counted(individuals, "individual")
+    );
+    html! { p title=(title) { (measures(&share(members, individuals as usize), card.purity(), card.robust())) } }
 }
 
 /// The part of a cluster's individuals in all individuals, in percent.

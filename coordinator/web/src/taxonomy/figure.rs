@@ -1,6 +1,6 @@
 //! A figure for a paper: the form on the page Taxonomy, and the file to download.
 
-use super::{PicturesOf, ReportState, Shown, card::Card, folding, gathered, state};
+use super::{PicturesOf, ReportState, card::Card, folding, gathered, shown_version::ShownVersion, state};
 use crate::{Web, asked::Query, page_error::PageError};
 use axum::{
     body::Bytes,
@@ -27,7 +27,7 @@ struct Choice {
 }
 
 /// The form, behind a button. It works without scripts.
-pub(super) fn form(record: &CampaignRecord, shown: &Shown) -> Markup {
+pub(super) fn form(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
     let (distinct, _) = folding(record, shown);
     // Of clusters that the page merges, the first is the figure's.
     let distinct: BTreeSet<usize> = distinct

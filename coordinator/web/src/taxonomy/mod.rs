@@ -2,17 +2,17 @@
 //! report.
 
 mod alike;
-mod card;
+pub(super) mod card;
 pub(super) mod changes;
 pub(super) mod figure;
 mod further_starts;
 pub(super) mod map;
 mod measured;
+pub(super) mod shown_version;
 pub(super) mod starts;
 mod versions;
 
 pub use further_starts::FurtherStarts;
-use measured::Measured;
 pub use measured::Measurements;
 
 use super::{
@@ -20,7 +20,6 @@ use super::{
     asked::Query,
     keys,
     layout::{Part, campaign_page},
-    named::namer,
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
@@ -33,11 +32,8 @@ use axum::{
 };
 use card::{Card, card};
 use maud::{Markup, html};
-use murmuration_engine::{
-    blocking::{in_background, parallel},
-    taxonomy::{Alike, Names, Taxonomy},
-};
-use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds, labels::Labels};
+use murmuration_engine::blocking::{in_background, parallel};
+use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, CampaignState, Rounds};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
     label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
@@ -47,10 +43,9 @@ use murmuration_service::{
     OrStatus as _,
     report_data::{self, PicturesOf},
 };
-use murmuration_store::{Store, StoreError, TaxonomyVersion, kept::LatestAnswers};
-use murmuration_swarm::{Choice, Verdict};
+use murmuration_store::kept::LatestAnswers;
 use serde::Deserialize;
-use std::{collections::BTreeMap, sync::Arc};
+use shown_version::ShownVersion;
 use tonic::Status;
 
 const KEYS: [(&str, &str); 3] = [
@@ -68,26 +63,6 @@ pub(super) struct Asked {
     more: Option<usize>,
 }
 
-/// A version of a taxonomy, with the names of its clusters and all other versions.
-struct Shown {
-    versions: Vec<TaxonomyVersion>,
-    version: TaxonomyVersion,
-    taxonomy: Taxonomy,
-    names: Names,
-    labels: Arc<Labels>,
-    /// Pairs of clusters that touch; empty unless the version is current.
-    alike: Vec<Alike>,
-    measured: Arc<Measured>,
-    /// The judge's verdicts on medoids, by the index of the medoid.
-    words: BTreeMap<u64, Verdict>,
-    /// The purity of each cluster, if it is known, by place.
-    purities: Vec<Option<report::Purity>>,
-    /// The kind of behaviour of each card, by place.
-    kinds: Vec<report::Shown>,
-    /// Individuals shown besides the medoids, far from the medoids and from each other.
-    further: Vec<u64>,
-}
-
 /// Number of individuals that a click adds besides the medoids, and maximum number of these individuals.
 const MORE: usize = 12;
 const MOST_MORE: usize = 240;
@@ -96,28 +71,21 @@ pub(super) async fn page(
     Query(asked): Query<Asked>,
     OfCampaign { web, record, visitor }: OfCampaign,
 ) -> Result<Markup, PageError> {
-    let of = record.clone();
-    let mut shown = web
-        .store
-        .run(move |store| read(store, &of, asked.version))
-        .await?;
-    match &mut shown {
-        None if asked.version.is_some() => return Err(PageError::NoPage),
-        None => {}
-        Some(shown) => {
-            let (taxonomy, stands) = (&shown.taxonomy, shown.version.stands);
-            let measured = web.measured.of(&web, &record, taxonomy, stands).await?;
-            shown.measure(measured);
-            if let Some(more) = asked.more.filter(|_| shown.version.stands) {
-                let queries = &web.labels.queries;
-                let further = queries
-                    .beyond_medoids(&record, more.min(MOST_MORE))
-                    .await
-                    .or_status()?;
-                shown.further = further.into_iter().map(|index| index as u64).collect();
-            }
-        }
+    let shown = ShownVersion::read(&web, &record, asked.version).await?;
+    if shown.is_none() && asked.version.is_some() {
+        return Err(PageError::NoPage);
     }
+    let stands = shown.as_ref().is_some_and(|shown| shown.version.stands);
+    let further = match asked.more.filter(|_| stands) {
+        Some(more) => {
+            let queries = &web.labels.queries;
+            queries
+                .beyond_medoids(&record, more.min(MOST_MORE))
+                .await
+                .or_status()?
+        }
+        None => Vec::new(),
+    };
     let content = html! {
         div.wide-bar {
             h1 { "Taxonomy" }
@@ -128,14 +96,14 @@ pub(super) async fn page(
         }
         @match &shown {
             None => p.empty { "The taxonomy is computed when the search has ended." },
-            Some(shown) => (behaviours(&record, shown)),
+            Some(shown) => (behaviours(&record, shown, &further)),
         }
     };
     Ok(campaign_page(&record, Part::Taxonomy, &visitor, content))
 }
 
 /// The buttons for actions on a whole version.
-fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
+fn actions(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
     let of = format!("/campaigns/{}", record.id);
     html! {
         @if shown.version.stands {
@@ -150,65 +118,12 @@ fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
     }
 }
 
-/// Reads the requested version, by default the newest; `None` if this version does not exist.
-fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Option<Shown>, StoreError> {
-    let versions = store.taxonomy_versions(&record.id)?;
-    let asked = asked.or(versions.last().map(|version| version.version));
-    let Some(place) = versions.iter().position(|version| Some(version.version) == asked) else {
-        return Ok(None);
-    };
-    let (version, until) = (versions[place].clone(), &versions[..=place]);
-    let Some(taxonomy) = Taxonomy::read_version(store, &record.id, version.version, &record.spec)? else {
-        return Ok(None);
-    };
-    let labels = store.labels(&record.id)?;
-    let names = Names::read(store, &record.id, until, &labels)?;
-    // Medoids chosen for coverage are at the rims of their clusters, so that almost all clusters touch.
-    let alike = match version.stands && record.spec.choice() != Choice::Coverage {
-        true => taxonomy.alike(&store.scale(record)?),
-        false => Vec::new(),
-    };
-    Ok(Some(Shown {
-        alike,
-        further: Vec::new(),
-        measured: Arc::default(),
-        words: BTreeMap::new(),
-        purities: Vec::new(),
-        kinds: Vec::new(),
-        versions,
-        version,
-        taxonomy,
-        names,
-        labels,
-    }))
-}
-
-impl Shown {
-    /// Notes what was measured of the version: verdicts, purities and the names that follow from them.
-    fn measure(&mut self, measured: Arc<Measured>) {
-        let (taxonomy, given) = (&self.taxonomy, self.labels.given_classes());
-        self.words = measured.verdicts(taxonomy);
-        let medoids = || taxonomy.medoids.iter().map(|medoid| medoid.individual.index);
-        let purity = |(place, index)| {
-            report::Purity::of_cluster(place, index, &taxonomy.clusters, &given, &measured.judged)
-        };
-        self.purities = medoids().enumerate().map(purity).collect();
-        let kind = |(place, index): (usize, u64)| {
-            let name = self.names.names.get(place).and_then(Option::as_ref);
-            let name = name.map(|name| (&name.class, namer(name.origin)));
-            report::Shown::of(name, self.words.get(&index).copied(), self.purities[place])
-        };
-        self.kinds = medoids().enumerate().map(kind).collect();
-        self.measured = measured;
-    }
-}
-
 /// The cards of a version, with an introduction.
-fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
+fn behaviours(record: &CampaignRecord, shown: &ShownVersion, individuals: &[usize]) -> Markup {
     let embeds = record.spec.space().embeds();
     html! {
         (versions::list(record, shown))
-        (report::answer(&shown.kinds, &shown.measured.judged))
+        (shown.answer())
         p.lead {
             "Each card shows a behaviour that stands for a cluster. The largest cluster is first. "
             @if let Some(sample) = report::sample_in_words(&record.spec) { (sample) " " }
@@ -231,16 +146,16 @@ fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
         (groups(record, shown, &distinct))
         @if !others.is_empty() {
             @let folded: Vec<usize> = others.concat();
-            details.others-shown { summary { (report::folded(&shown.kinds, &folded)) } (groups(record, shown, &others)) }
+            details.others-shown { summary { (shown.folded(&folded)) } (groups(record, shown, &others)) }
         }
-        @if shown.version.stands { (further(record, shown)) }
+        @if shown.version.stands { (further(record, shown, individuals)) }
         (alike::section(record, shown))
     }
 }
 
 /// The groups of clusters with the same name that the page shows first, and the other groups, which it folds.
-fn folding(record: &CampaignRecord, shown: &Shown) -> (Groups, Groups) {
-    let (first, _) = report::folding(&shown.kinds, &record.spec);
+fn folding(record: &CampaignRecord, shown: &ShownVersion) -> (Groups, Groups) {
+    let (first, _) = shown.folding(record);
     alike::groups(shown)
         .into_iter()
         .partition(|group| group.iter().any(|place| first.contains(place)))
@@ -249,7 +164,7 @@ fn folding(record: &CampaignRecord, shown: &Shown) -> (Groups, Groups) {
 /// Clusters with the same name, by their places.
 type Groups = Vec<Vec<usize>>;
 
-fn groups(record: &CampaignRecord, shown: &Shown, groups: &[Vec<usize>]) -> Markup {
+fn groups(record: &CampaignRecord, shown: &ShownVersion, groups: &[Vec<usize>]) -> Markup {
     html! {
         ul.medoids {
             @for group in groups {
@@ -264,8 +179,8 @@ fn groups(record: &CampaignRecord, shown: &Shown, groups: &[Vec<usize>]) -> Mark
 }
 
 /// Individuals besides the medoids, and a link that adds more individuals.
-fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
-    let count = shown.further.len();
+fn further(record: &CampaignRecord, shown: &ShownVersion, further: &[usize]) -> Markup {
+    let count = further.len();
     let medoids = shown.taxonomy.medoids.len();
     let given = shown.labels.given_classes();
     html! {
@@ -273,7 +188,7 @@ fn further(record: &CampaignRecord, shown: &Shown) -> Markup {
             @if count > 0 {
                 h2 { "Further behaviours" }
                 p.reason { "Each behaviour is the farthest from those above and from those listed before it." }
-                ul.medoids { @for &index in &shown.further { li { (card::further(record, given.get(&index), index)) } } }
+                ul.medoids { @for index in further.iter().map(|&index| index as u64) { li { (card::further(record, given.get(&index), index)) } } }
             }
             @if count < MOST_MORE && count + medoids < shown.taxonomy.clusters.len() {
                 p { a.button href={ "/campaigns/" (record.id) "/taxonomy?more=" (count + MORE) "#more" } { "Show " (MORE) " more" } }

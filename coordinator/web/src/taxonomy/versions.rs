@@ -1,6 +1,6 @@
 //! The versions of a taxonomy, in words and as links.
 
-use super::Shown;
+use super::shown_version::ShownVersion;
 use crate::parts;
 use maud::{Markup, html};
 use murmuration_engine::taxonomy::{NotCarried, Uncarried};
@@ -21,7 +21,7 @@ pub(super) fn link(record: &CampaignRecord, version: u32) -> Markup {
 }
 
 /// Links to the versions, if there are several, and a note if the version shown is not current.
-pub(super) fn list(record: &CampaignRecord, shown: &Shown) -> Markup {
+pub(super) fn list(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
     let version = &shown.version;
     html! {
         @if shown.versions.len() > 1 {
@@ -50,7 +50,7 @@ pub(super) fn list(record: &CampaignRecord, shown: &Shown) -> Markup {
 }
 
 /// The names of the previous version that were not carried over, and the reasons.
-pub(super) fn uncarried(shown: &Shown) -> Markup {
+pub(super) fn uncarried(shown: &ShownVersion) -> Markup {
     let lost = &shown.names.uncarried;
     html! {
         @if !lost.is_empty() {

@@ -7,6 +7,7 @@ use crate::browser::{
     scene::{answer, introduce_to_offers, name, saved},
     selecting::{lasso_ten, name_selected},
 };
+use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_latent_spec};
 use serde_json::json;
 use tempfile::TempDir;
@@ -79,6 +80,7 @@ async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
     researcher.export().await;
     researcher.start_another().await;
     researcher.compare().await;
+    researcher.wait_for_a_trainer().await;
     researcher.search_by_example().await;
     assert_eq!(researcher.window.shifts().await, json!([]), "{screen}");
     researcher.window.close().await;
@@ -117,17 +119,21 @@ impl Researcher {
         self.follow(".heading a[href='/new']", "/new").await;
         self.look("new").await;
         self.follow("a[href='/new?as=file']", "/new").await;
-        let text = small_latent_spec(FEEDBACK).to_toml();
+        self.paste(&small_latent_spec(FEEDBACK)).await;
+        self.look("new-file").await;
+        self.follow("[value=start]", "/campaigns/small-1").await;
+    }
+
+    /// Pastes a campaign file into the page for a new campaign.
+    async fn paste(&self, spec: &CampaignSpec) {
         let paste = format!(
             "const text = document.getElementById('text'); text.value = {}; \
              text.dispatchEvent(new Event('input', {{ bubbles: true }}))",
-            json!(text)
+            json!(spec.to_toml())
         );
-        window.driver.execute(paste, vec![]).await.unwrap();
+        self.window.driver.execute(paste, vec![]).await.unwrap();
         let cost = "document.getElementById('outcome').textContent.includes('100 (5 generations of 20)')";
-        window.until(cost).await;
-        self.look("new-file").await;
-        self.follow("[value=start]", "/campaigns/small-1").await;
+        self.window.until(cost).await;
     }
 
     async fn watch(&self) {
@@ -142,10 +148,10 @@ impl Researcher {
     /// Waits until the page's campaign is completed and its behaviours are shown.
     async fn completed(&self) {
         self.window
-            .until("document.querySelectorAll('.behaviours img').length === 4")
+            .until("document.querySelectorAll('#found .behaviour').length > 0")
             .await;
         self.window
-            .until("[...document.querySelectorAll('.behaviours img')].every((image) => image.complete || image.loading === 'lazy')")
+            .until("[...document.querySelectorAll('#found .behaviour img')].every((image) => image.complete || image.loading === 'lazy')")
             .await;
     }
 
@@ -335,6 +341,37 @@ impl Researcher {
         self.look("compare").await;
     }
 
+    /// Starts two campaigns, of which one waits for the only trainer, and cancels both.
+    async fn wait_for_a_trainer(&self) {
+        let window = &self.window;
+        let busy = small_latent_spec("")
+            .to_toml()
+            .replace("epochs = 3", "epochs = 5000")
+            .replace("patience = 8", "patience = 5000");
+        for (number, name) in [(3, "busy"), (4, "patient")] {
+            let spec = busy.replace("name = \"small\"", &format!("name = \"{name}\""));
+            self.go("/new?as=file").await;
+            self.paste(&CampaignSpec::from_toml(&spec).unwrap()).await;
+            self.follow("[value=start]", &format!("/campaigns/{name}-{number}"))
+                .await;
+            window
+                .until("document.querySelector('.stands').textContent.startsWith('training') || document.querySelector('.stands').textContent === 'waiting'")
+                .await;
+        }
+        window
+            .until("document.querySelector('[data-slot=status] .error')?.textContent.startsWith('waits for a trainer: the only trainer is at work for busy-3')")
+            .await;
+        self.look("waits-for-a-trainer").await;
+        for campaign in ["patient-4", "busy-3"] {
+            self.go(&format!("/campaigns/{campaign}")).await;
+            window.click("#cancel").await;
+            window.click("dialog.ask [value=yes]").await;
+            window
+                .until("document.querySelector('.stands')?.textContent === 'cancelled'")
+                .await;
+        }
+    }
+
     /// Takes a behaviour to Play, looks at its robot in the editor, and searches for more like it.
     async fn search_by_example(&self) {
         let window = &self.window;
@@ -351,7 +388,7 @@ impl Researcher {
         self.look("robot-editor").await;
         self.go("/campaigns/small-1/taxonomy").await;
         window.click(".medoid .more summary").await;
-        self.follow(".medoid .more form button", "/campaigns/play-3")
+        self.follow(".medoid .more form button", "/campaigns/play-5")
             .await;
         self.look("more-like-this").await;
     }

@@ -127,7 +127,7 @@ const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((
     return part.checkVisibility() && (own.left < player.left - 1 || own.right > player.right + 1); }).map((part) => part.outerHTML)";
 
 const PAGES: [(&str, &str); 7] = [
-    ("", "document.querySelector('.behaviours img').complete"),
+    ("", "document.querySelector('.behaviour img').complete"),
     ("/label", "document.querySelector('.scrub').value > 40"),
     (
         "/sheet",

@@ -68,7 +68,7 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
         .await;
     assert_eq!(
         window
-            .value("document.querySelectorAll('.taxonomies img').length")
+            .value("document.querySelectorAll('.taxonomies .behaviour').length")
             .await,
         json!(8)
     );
