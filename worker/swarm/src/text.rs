@@ -107,7 +107,14 @@ pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
 /// options (Jaro), but must be over 0.8 instead of 0.7, because names of fields are short.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let likeness = known.into_iter().map(|known| (strsim::jaro(word, known), known));
+    let len = word.chars().count();
+    // Words whose lengths differ more are not similar enough: only 2 of the 5 parts of the longer one can be alike. The comparison
+    // of a long word would take long.
+    let comparable = known.into_iter().filter(|known| {
+        let other = known.chars().count();
+        len.min(other) * 5 > len.max(other) * 2
+    });
+    let likeness = comparable.map(|known| (strsim::jaro(word, known), known));
     let near = likeness.filter(|(likeness, _)| *likeness > 0.8);
     Some(near.max_by(|(one, _), (other, _)| one.total_cmp(other))?.1)
 }
@@ -223,6 +230,19 @@ mod tests {
             "\u{fdcf}\u{fdf0}\u{fffd}\u{10000}",
         );
         assert_eq!(Text::lines("a = 1\n\tb = \u{1b}2").as_str(), "a = 1\n\tb = 2");
+    }
+
+    #[test]
+    fn the_most_similar_word_is_near_and_a_long_word_takes_no_time() {
+        assert_eq!(
+            nearest("popluation", ["population", "generations"]),
+            Some("population")
+        );
+        assert_eq!(nearest("xyzzy", ["population", "generations"]), None);
+        let long = "population".repeat(200_000);
+        let known = vec!["population"; 10_000];
+        assert_eq!(nearest(&long, known), None);
+        assert_eq!(nearest("population", [long.as_str()]), None);
     }
 
     #[test]

@@ -10,12 +10,16 @@ use super::{
     given,
     problems::{self, Problem, without_empty},
 };
-use murmuration_swarm::{BehaviourSpace, CampaignSpec, Invalid, Method, text::quoted};
+use murmuration_swarm::{BehaviourSpace, CampaignSpec, Invalid, Method, grouped, text::quoted};
 use std::collections::BTreeMap;
 use toml::Table;
 
 /// The name of the text with the robots in the form.
 pub(super) const ROBOTS: &str = "robots";
+
+/// Maximum length of a submitted text in bytes: many times that of the longest examples. The page reads a text once for each error
+/// in it.
+const MOST_BYTES: usize = 64 << 10;
 
 /// The examples: name, description, and campaign file of each example.
 pub(super) const EXAMPLES: [(&str, &str, &str); 8] = [
@@ -122,6 +126,20 @@ impl Draft {
 
     /// The submitted draft.
     pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
+        for (name, text) in [
+            ("text", "the campaign file"),
+            (ROBOTS, "the text of the robots"),
+            ("rest", "rest"),
+        ] {
+            let bytes = given(parameters, name).len();
+            if bytes > MOST_BYTES {
+                let most = grouped(MOST_BYTES as u64);
+                let allowed = format!(
+                    "at most {most} bytes long; `murmuration submit FILE` starts a campaign from a longer file"
+                );
+                return Err(Invalid::new(text, format!("{} bytes", grouped(bytes as u64)), allowed).into());
+            }
+        }
         // Browsers send text with the line ends of Windows.
         let text_of = |name| given(parameters, name).replace("\r\n", "\n");
         if parameters.iter().any(|(name, _)| name == "text") {
@@ -336,6 +354,21 @@ mod tests {
             assert_eq!(Draft::copy(&spec).checked(), Ok(spec.clone()), "{name}");
             assert_eq!(Draft::example(name).unwrap().checked(), Ok(spec), "{name}");
         }
+    }
+
+    #[test]
+    fn a_text_that_is_too_long_is_refused_unread() {
+        for name in ["text", ROBOTS, "rest"] {
+            // Each of these fields would be an error.
+            let text: String = (0..200_000).map(|field| format!("a{field}=1\n")).collect();
+            let refused = Draft::of_form(&form(&[(name, &text)])).err().unwrap();
+            let refused = refused.to_string();
+            assert!(refused.contains("at most 65,536 bytes"), "{refused}");
+        }
+        let comment = "# a long comment\n".repeat(3000);
+        let text = comment + "model = \"single-sensor\"\nmethod = \"random\"\n";
+        let draft = Draft::of_form(&form(&[("text", &text)])).unwrap();
+        draft.checked().unwrap();
     }
 
     #[test]
