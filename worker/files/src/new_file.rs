@@ -1,17 +1,27 @@
 //! Writes a file under a temporary name beside its target, and renames it once it is complete and on disk.
 
-use rustix::process::geteuid;
+use rustix::{
+    fs::{OFlags, fcntl_getfl, fcntl_setfl},
+    io::Errno,
+    process::geteuid,
+};
 use std::{
     fmt,
     fs::{self, File, Metadata, Permissions},
     io::{self, BufWriter, Write},
-    os::unix::fs::{MetadataExt as _, PermissionsExt as _, fchown},
+    os::unix::fs::{FileTypeExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _, fchown},
     path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
 };
 use tempfile::NamedTempFile;
 
 /// Maximum number of symbolic links to follow.
 const MAX_LINKS: u32 = 40;
+/// Longest wait for a process that reads a pipe.
+const READER_WAIT: Duration = Duration::from_secs(2);
+/// Pause between two attempts to open a pipe that no process reads yet.
+const READER_PAUSE: Duration = Duration::from_millis(20);
 
 /// A file that is being written. [`NewFile::finish`] replaces the existing file of the same name; until then, the existing file
 /// stays.
@@ -63,7 +73,7 @@ impl NewFile {
     /// Begins to write the file `path`, and creates missing parent folders.
     ///
     /// # Errors
-    /// The system's error, or an error if `path` is a folder.
+    /// The system's error, or an error if `path` is a folder, a socket, or a pipe that no process reads.
     pub fn create(path: &Path) -> io::Result<Self> {
         // The default mode of temporary files, 0600, is too strict for the final file.
         Self::with_mode(path, 0o666)
@@ -118,9 +128,12 @@ impl NewFile {
 
     /// Writes directly to a device, a pipe, or a file that a process has open.
     fn directly(path: &Path) -> io::Result<Self> {
-        let file = BufWriter::new(File::options().append(true).open(path)?);
+        if fs::metadata(path)?.file_type().is_socket() {
+            return Err(io::Error::other("it is a socket"));
+        }
+        let file = open_to_append(path)?;
         Ok(Self(Place::Itself {
-            file,
+            file: BufWriter::new(file),
             path: path.to_owned(),
         }))
     }
@@ -219,6 +232,39 @@ impl Write for NewFile {
     }
 }
 
+/// Opens a device, a pipe, or a file that a process has open. Opening a pipe that no process reads, or a serial line without a
+/// peer, would wait without end, so the file is opened without waiting, and later writes wait as usual.
+fn open_to_append(path: &Path) -> io::Result<File> {
+    let begun = Instant::now();
+    loop {
+        let opened = File::options()
+            .append(true)
+            .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
+            .open(path);
+        match opened {
+            // A shell that starts the reader and this process together may start the reader last.
+            Err(error) if is_without_reader(&error) && begun.elapsed() < READER_WAIT => {
+                thread::sleep(READER_PAUSE);
+            }
+            Err(error) if is_without_reader(&error) => {
+                return Err(io::Error::other(
+                    "it is a pipe that no process reads, or a device without a peer: start the reader first",
+                ));
+            }
+            Err(error) => return Err(error),
+            Ok(file) => {
+                let flags = fcntl_getfl(&file)? - OFlags::NONBLOCK;
+                fcntl_setfl(&file, flags)?;
+                return Ok(file);
+            }
+        }
+    }
+}
+
+fn is_without_reader(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(Errno::NXIO.raw_os_error())
+}
+
 /// Writes a complete file.
 ///
 /// # Errors
@@ -280,6 +326,7 @@ fn folder_of(path: &Path) -> &Path {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
     use std::os::{
         fd::AsRawFd as _,
         unix::fs::{lchown, symlink},
@@ -419,5 +466,32 @@ mod tests {
         assert_eq!(refused.kind(), io::ErrorKind::IsADirectory);
         let within = folder.path().join("new/folders/file");
         assert_eq!(write_file(&within, "there").unwrap(), Written::New);
+        let socket = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        let refused = write_file(&socket, "lost").unwrap_err();
+        assert_eq!(refused.to_string(), "it is a socket");
+    }
+
+    #[test]
+    fn a_pipe_is_written_to_if_a_process_reads_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        mknodat(CWD, &pipe, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        let refused = write_file(&pipe, "lost").unwrap_err();
+        assert!(
+            refused.to_string().contains("a pipe that no process reads"),
+            "{refused}"
+        );
+        // More than a pipe holds: the writer waits for the reader.
+        let text = "x".repeat(1 << 20);
+        let read = thread::spawn({
+            let pipe = pipe.clone();
+            move || {
+                thread::sleep(READER_PAUSE * 3);
+                fs::read_to_string(pipe)
+            }
+        });
+        assert_eq!(write_file(&pipe, &text).unwrap(), Written::New);
+        assert!(read.join().unwrap().unwrap() == text);
     }
 }

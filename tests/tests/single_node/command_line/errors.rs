@@ -2,7 +2,7 @@
 
 use crate::command_line::Desk;
 use murmuration_tests::Finished;
-use std::{fs, os::unix::fs::symlink, path::Path};
+use std::{fs, os::unix::fs::symlink, path::Path, process::Command};
 
 #[test]
 fn bad_input_is_named_with_exit_code_2() {
@@ -164,6 +164,16 @@ fn a_file_that_never_ends_is_not_read_for_ever() {
     for (arguments, expected) in cases {
         desk.check(&arguments, 2, expected);
     }
+}
+
+#[test]
+fn a_pipe_that_no_process_reads_is_not_waited_for() {
+    let desk = Desk::new();
+    let pipe = desk.path("pipe");
+    let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
+    assert!(made.success());
+    let simulate = ["simulate", "--controller", "0,0,0,0", "--tracks", &pipe];
+    desk.check(&simulate, 1, "it is a pipe that no process reads");
 }
 
 #[test]
