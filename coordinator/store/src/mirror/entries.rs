@@ -12,6 +12,7 @@ use object_store::{ObjectStoreExt as _, PutMode, PutPayload, WriteMultipart};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
+    ffi::OsStr,
     fs::{self, File},
     io::{self, Write as _},
     os::unix::fs::FileExt as _,
@@ -30,6 +31,8 @@ pub(super) const PARTS_AT_ONCE: usize = 4;
 pub(super) const MAX_PAYLOAD: u64 = 4 << 20;
 /// Objects younger than this stay: somebody may be reading them.
 const KEPT: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 3600 });
+/// Unfinished files that were written to within this time stay: a living process may be writing them.
+const UNFINISHED_KEPT: Duration = Duration::from_secs(3600);
 /// Limit for an attempt to write or read a part of a snapshot or a long entry, while others are on their way.
 const LIMIT_OF_PARTS: Duration =
     Duration::from_secs(LIMIT.as_secs() + (PARTS_AT_ONCE * PART_BYTES) as u64 / SLOWEST);
@@ -321,7 +324,7 @@ impl Entries {
 
     /// Writes an object of `bytes` bytes, and gives it up again before it has its name.
     pub(super) async fn try_room(&self, bytes: u64, writer: &str) -> Result<(), MirrorError> {
-        self.remove_trials().await;
+        self.remove_unfinished().await;
         let path = self.objects.path(&format!("{TRIALS}/{writer}"));
         let mut upload = self.within(self.objects.store.put_multipart(&path)).await?;
         let mut random = vec![0; PART_BYTES];
@@ -341,19 +344,19 @@ impl Entries {
         written.and(aborted)
     }
 
-    /// Removes what a process left that was killed during its trial, unless it is young: it may be that of a process that lives.
-    /// Failures do no harm.
-    async fn remove_trials(&self) {
+    /// Removes the unfinished files that killed processes left in the mirror's folder. Failures do no harm.
+    async fn remove_unfinished(&self) {
         let Some(folder) = self.objects.folder() else {
             return;
         };
-        let trials = folder.join(TRIALS);
+        let folders = [TRIALS, LOG, SNAPSHOTS].map(|name| folder.join(name));
         let remove = move || {
-            for entry in fs::read_dir(trials).into_iter().flatten().flatten() {
-                let made = entry.metadata().and_then(|file| file.modified());
-                let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > KEPT));
-                if is_old {
-                    let _ = fs::remove_file(entry.path());
+            let files = folders.iter().flat_map(fs::read_dir).flatten().flatten();
+            for file in files.filter(|file| is_unfinished(&file.file_name())) {
+                let written = file.metadata().and_then(|file| file.modified());
+                let age = written.map(|written| written.elapsed().unwrap_or_default());
+                if age.is_ok_and(|age| age > UNFINISHED_KEPT) {
+                    let _ = fs::remove_file(file.path());
                 }
             }
         };
@@ -412,7 +415,7 @@ impl Entries {
     /// another process may have gone on from the mirror, and written them. A failure is only logged.
     pub(super) async fn remove_before(&self, first: u64, snapshot: &str) {
         let old = async {
-            self.remove_trials().await;
+            self.remove_unfinished().await;
             let mut entries = self.list().await?;
             entries.retain(|&number, listed| number < first && listed.bytes > LONGEST_CLAIM);
             let entries = entries.into_iter();
@@ -474,6 +477,13 @@ fn read_part(file: &File, from: u64) -> io::Result<Vec<u8>> {
     }
     part.truncate(len);
     Ok(part)
+}
+
+/// Whether a file in the mirror's folder is one that the library of object stores writes before it gives the object its name: `#`
+/// and a number follow the name.
+fn is_unfinished(name: &OsStr) -> bool {
+    let number = name.to_str().and_then(|name| name.rsplit_once('#'));
+    number.is_some_and(|(_, number)| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 /// The number of the entry with this name.

@@ -4,7 +4,11 @@ use murmuration_model::Weight;
 use murmuration_swarm::CampaignSpec;
 use proptest::prelude::*;
 use rusqlite::Connection;
-use std::{fs, sync::atomic::Ordering, time::Duration};
+use std::{
+    fs::{self, File},
+    sync::atomic::Ordering,
+    time::{Duration, SystemTime},
+};
 
 struct Place {
     folder: tempfile::TempDir,
@@ -693,12 +697,43 @@ async fn a_mirror_without_room_is_not_taken_from_its_writer() {
     );
     first.add(10).await.unwrap();
     fs::remove_file(&trials).unwrap();
-    // A process was killed during its trial.
-    fs::create_dir(&trials).unwrap();
-    fs::write(trials.join("0123456789abcdef#1"), "part").unwrap();
     let second = place.start("second", true).await.unwrap();
     assert!(second.rows() == first.rows());
-    assert_eq!(fs::read_dir(&trials).unwrap().count(), 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn old_files_that_killed_processes_left_unfinished_are_removed() {
+    let place = Place::new();
+    let mirror = PathBuf::from(place.mirror());
+    let names = [
+        "trials/0123456789abcdef#1",
+        "log/00000000000000000002#1",
+        "log/00000000000000000007#12",
+        "snapshots/00000000000000000001-ab#1",
+    ];
+    let make = |name: &str, age: Duration| {
+        let path = mirror.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, "part").unwrap();
+        let file = File::options().write(true).open(&path).unwrap();
+        file.set_modified(SystemTime::now() - age).unwrap();
+    };
+    for name in names {
+        make(name, Duration::from_secs(7200));
+    }
+    // A living process may be writing a young file, and the others are not the mirror's.
+    let kept = ["log/00000000000000000003#1", "log/notes#", "log/notes#2a"];
+    make(kept[0], Duration::from_secs(600));
+    make(kept[1], Duration::from_secs(7200));
+    make(kept[2], Duration::from_secs(7200));
+    let node = place.start("first", false).await.unwrap();
+    let until = Instant::now() + Duration::from_secs(10);
+    while names.iter().any(|name| mirror.join(name).exists()) && Instant::now() < until {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    assert_eq!(names.map(|name| mirror.join(name).exists()), [false; 4]);
+    assert_eq!(kept.map(|name| mirror.join(name).exists()), [true; 3]);
+    drop(node);
 }
 
 #[tokio::test(flavor = "multi_thread")]
