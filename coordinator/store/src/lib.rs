@@ -332,7 +332,7 @@ impl Store {
             self.settle(&connection)?;
             self.sync_failed.store(false, Ordering::Relaxed);
         }
-        let changed = changed(&mut connection, |transaction| {
+        let changed = changed(&mut connection, self.mirror.is_some(), |transaction| {
             self.check_run(transaction)?;
             change(transaction)
         });
@@ -348,8 +348,8 @@ impl Store {
         if matches!(changed, Err(StoreError::DiskFull { .. })) {
             self.free_log(&connection);
         }
-        let value = changed?;
-        let committed = self.mirror.as_ref().map(|mirror| mirror.committed());
+        let (value, changes) = changed?;
+        let committed = self.mirror.as_ref().map(|mirror| mirror.committed(changes));
         self.shorten_long_log(&connection);
         Ok((value, Committed(committed)))
     }
@@ -522,15 +522,23 @@ fn find_database(path: &Path) -> Result<bool, StoreError> {
     }
 }
 
+/// Runs `change` in a transaction, and commits it. If the database `is_mirrored` and `change` changes rows, returns the new count of
+/// [`open::changes`].
 fn changed<T>(
     connection: &mut Connection,
+    is_mirrored: bool,
     change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
-) -> Result<T, StoreError> {
+) -> Result<(T, Option<u32>), StoreError> {
+    let rows_before = connection.total_changes();
     // A transaction that reads first and writes later would fail at once if another process writes meanwhile.
     let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     let value = change(&transaction)?;
+    let changes = match is_mirrored && transaction.total_changes() != rows_before {
+        true => Some(open::count_change(&transaction)?),
+        false => None,
+    };
     transaction.commit()?;
-    Ok(value)
+    Ok((value, changes))
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ use crate::{
 };
 use bytes::Bytes;
 use entries::{Entries, Entry, Listed, Placed, What};
+use murmuration_swarm::counted;
 pub(crate) use progress::{End, Mirror};
 use restore::{Restore, has_data};
 pub(crate) use sending::start;
@@ -83,6 +84,17 @@ pub enum MirrorError {
     )]
     NotEmpty { data: PathBuf, place: String },
     #[error(
+        "the database in data directory {data} is an older copy: it lacks {} of the mirror {place}, and would replace what it lacks. \
+         To go on from the mirror, name a new --data with --from-mirror; to go on from the older copy, name an empty place with --mirror",
+        counted(u64::from(*.missing), "change")
+    )]
+    SetBack {
+        data: PathBuf,
+        place: String,
+        /// Number of the mirror's changes that the database lacks.
+        missing: u32,
+    },
+    #[error(
         "the mirror {0} replaces objects although it is asked not to (If-None-Match), so two coordinators could write to it: use another \
          object store"
     )]
@@ -111,6 +123,7 @@ impl MirrorError {
             self,
             Self::Foreign(_)
                 | Self::NotEmpty { .. }
+                | Self::SetBack { .. }
                 | Self::NoFence(_)
                 | Self::Contested(_)
                 | Self::NoRoom { .. }
@@ -150,6 +163,8 @@ pub struct Claimed {
     epoch: u64,
     /// Number of the first entry of this epoch.
     epoch_begins: u64,
+    /// The database's count of changes for the next entries; `None` if there is no database yet.
+    changes: Option<u32>,
     /// Whether the mirror has an entry of this process as its newest.
     is_placed: bool,
 }
@@ -172,6 +187,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         next: 1,
         epoch: 1,
         epoch_begins: 1,
+        changes: None,
         is_placed: false,
     };
     let claiming = Claiming {
@@ -185,7 +201,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         // A database that cannot be opened must not end the coordinator that has the mirror.
         let database = data.path().join(Store::FILE);
         let looked = blocking::changing(move || crate::open::expect_sound(&database)).await;
-        looked.map_err(StoreError::from)??;
+        claimed.changes = Some(looked.map_err(StoreError::from)??);
     }
     match claimed.place_first(&claiming).await {
         Ok(()) => Ok(claimed),
@@ -237,6 +253,7 @@ impl Claimed {
                     match has_database && writers.know(&last, claiming.inode) {
                         true => {
                             self.expect_claims(writers, &last.writer).await?;
+                            self.expect_changes(&last, claiming)?;
                             former = last.writer;
                             had_data |= has_data(&self.entries, &all).await?;
                         }
@@ -319,6 +336,24 @@ impl Claimed {
             self.entries.expect_digest(claim.number, &claim.digests).await?;
         }
         Ok(())
+    }
+
+    /// Checks that the database has all changes of the mirror, whose newest entry is `last`. Each change is on disk before the mirror
+    /// has it, so a database that lacks one is an older copy.
+    fn expect_changes(&self, last: &Entry, claiming: &Claiming<'_>) -> Result<(), MirrorError> {
+        let (Some(own), Some(mirrored)) = (self.changes, last.changes) else {
+            return Ok(());
+        };
+        // The counts are modulo 2^32.
+        let missing = mirrored.wrapping_sub(own).cast_signed();
+        match missing > 0 {
+            true => Err(MirrorError::SetBack {
+                data: claiming.data.to_path_buf(),
+                place: claiming.place.clone(),
+                missing: missing.unsigned_abs(),
+            }),
+            false => Ok(()),
+        }
     }
 
     /// The first entry comes after entry `newest`, of the epoch `epoch`.
@@ -425,7 +460,7 @@ impl Claimed {
     }
 
     fn entry(&self, what: What, payload: &[u8]) -> Result<Bytes, MirrorError> {
-        Entry::encode(&self.writer, self.epoch, what, payload)
+        Entry::encode(&self.writer, self.epoch, self.changes, what, payload)
     }
 
     /// Notes that the next entries belong to `epoch`, whose first entry has the number `begins`, unless they belong to a later one.

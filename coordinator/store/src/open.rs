@@ -9,7 +9,7 @@ use super::{
     studies::take_over,
 };
 use rusqlite::{
-    Connection, OpenFlags,
+    Connection, OpenFlags, Transaction,
     backup::{Backup, StepResult},
     config::DbConfig,
     ffi,
@@ -240,11 +240,27 @@ pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), Sto
     Ok((copy, version))
 }
 
-/// Checks that this program can open a database, which no other process writes, and changes nothing.
-pub(super) fn expect_sound(path: &Path) -> Result<(), StoreError> {
+/// Checks that this program can open a database, which no other process writes, and changes nothing. Returns the database's count
+/// of [`changes`].
+pub(super) fn expect_sound(path: &Path) -> Result<u32, StoreError> {
     let connection = unchanged(path, true)?;
     schema::version(&connection, path)?;
-    check(&connection, path)
+    check(&connection, path)?;
+    changes(&connection).map_err(|source| StoreError::from_sqlite(source, path))
+}
+
+/// Number of changes that a database has had while it had a mirror, modulo 2^32. An older copy of the database has a smaller count.
+/// The count is in the number that SQLite's header has for the application.
+pub(super) fn changes(connection: &Connection) -> rusqlite::Result<u32> {
+    let count: i32 = connection.pragma_query_value(None, "application_id", |row| row.get(0))?;
+    Ok(count.cast_unsigned())
+}
+
+/// Counts one more of the [`changes`], and returns the new count.
+pub(super) fn count_change(transaction: &Transaction<'_>) -> rusqlite::Result<u32> {
+    let count = changes(transaction)?.wrapping_add(1);
+    transaction.pragma_update(None, "application_id", count.cast_signed())?;
+    Ok(count)
 }
 
 /// A connection to the database on disk that changes nothing. [`to_look`] explains `alone`.

@@ -53,6 +53,10 @@ pub(super) struct Entry {
     /// The number of the database's log, counted over all writers: a log that begins anew has the next number.
     pub(super) epoch: u64,
     pub(super) what: What,
+    /// The writer's count of changes of its database (see [`crate::open::changes`]), which the database has at least; `None` if
+    /// the writer had no database yet.
+    #[serde(default)]
+    pub(super) changes: Option<u32>,
     /// BLAKE3 of the payload.
     digest: String,
 }
@@ -105,11 +109,18 @@ pub(super) struct Entries {
 
 impl Entry {
     /// The object of an entry with this payload.
-    pub(super) fn encode(writer: &str, epoch: u64, what: What, payload: &[u8]) -> Result<Bytes, MirrorError> {
+    pub(super) fn encode(
+        writer: &str,
+        epoch: u64,
+        changes: Option<u32>,
+        what: What,
+        payload: &[u8],
+    ) -> Result<Bytes, MirrorError> {
         let entry = Self {
             writer: writer.to_owned(),
             epoch,
             what,
+            changes,
             digest: digest(payload),
         };
         let mut bytes = serde_json::to_vec(&entry).map_err(io::Error::other)?;

@@ -68,6 +68,8 @@ struct State {
     salts: Option<[u8; 8]>,
     page_bytes: u64,
     committed: End,
+    /// The database's count of changes at the last commit.
+    changes: u32,
     mirrored: End,
     /// Whether the mirror needs a snapshot before further entries are of use: a log began anew before the mirror had the last one.
     is_torn: bool,
@@ -142,6 +144,7 @@ impl Mirror {
             salts: None,
             page_bytes: 0,
             committed: begin,
+            changes: 0,
             mirrored: begin,
             is_torn: false,
             tears: 0,
@@ -186,6 +189,16 @@ impl Mirror {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Notes the database's count of changes before the first commit.
+    pub(super) fn begin_changes(&self, changes: u32) {
+        self.lock().changes = changes;
+    }
+
+    /// The database's count of changes at the last commit.
+    pub(super) fn changes(&self) -> u32 {
+        self.lock().changes
+    }
+
     /// Notes how many frames SQLite's log has after a commit.
     pub(super) fn count(&self, frames: u64) {
         let mut state = self.lock();
@@ -205,10 +218,12 @@ impl Mirror {
         }
     }
 
-    /// Notes what a change has committed, while no other change can begin. Returns its end in the log.
-    pub(crate) fn committed(&self) -> Result<End, StoreError> {
+    /// Notes what a change has committed, while no other change can begin. `changes` is the new count of the database's changes.
+    /// Returns the end of the change in the log.
+    pub(crate) fn committed(&self, changes: Option<u32>) -> Result<End, StoreError> {
         {
             let mut state = self.lock();
+            state.changes = changes.unwrap_or(state.changes);
             // A repeated request changes nothing: the change that it repeats may be the one that could not be noted.
             if !std::mem::take(&mut state.is_counted) && !state.is_unnoted {
                 return Ok(state.committed);

@@ -5,7 +5,10 @@ use super::{
     entries::{Placed, Snapshot, What, snapshot_name},
     progress::{End, Reading},
 };
-use crate::{Store, StoreError, blocking, open::settle};
+use crate::{
+    Store, StoreError, blocking,
+    open::{changes, settle},
+};
 use bytes::Bytes;
 use rusqlite::Connection;
 use std::{
@@ -56,6 +59,7 @@ pub(crate) async fn start(claimed: Claimed, store: &Store) -> Result<Arc<Mirror>
         let mut connection = connection.lock().unwrap_or_else(PoisonError::into_inner);
         // The file is whole, and the log empty, when the first snapshot begins.
         settle(&connection, &path)?;
+        counting.begin_changes(changes(&connection)?);
         count_frames(&mut connection, counting.clone())?;
         counting.open_log();
         Ok(())
@@ -183,6 +187,7 @@ impl Sender {
             match piece.map_err(io::Error::other)?? {
                 Some(piece) => {
                     self.claimed.enter_epoch(piece.epoch(), self.claimed.next);
+                    self.claimed.changes = Some(mirror.changes());
                     let entry = self
                         .claimed
                         .entry(What::Frames { from: piece.from }, &piece.bytes)?;
@@ -232,6 +237,7 @@ impl Sender {
             ..
         } = uploaded;
         self.claimed.enter_epoch(snapshot.epoch, begins);
+        self.claimed.changes = Some(mirror.changes());
         let object = snapshot.object.clone();
         let entry = self.claimed.entry(What::Snapshot(snapshot.clone()), &[])?;
         let placed = self.put(mirror, &entry).await;

@@ -363,6 +363,51 @@ async fn only_the_database_that_was_made_from_the_mirror_goes_on_with_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_older_database_that_was_put_back_in_place_is_refused() {
+    let place = Place::new();
+    let data = place.folder.path().join("first");
+    let files = || [Store::FILE.to_owned(), format!("{}-wal", Store::FILE)].map(|name| data.join(name));
+    // Keeps the inode of each file, as `cp` does.
+    let put_back = |contents: [Vec<u8>; 2]| {
+        for (file, contents) in files().iter().zip(contents) {
+            fs::write(file, contents).unwrap();
+        }
+    };
+    let read = || files().map(|file| fs::read(file).unwrap_or_default());
+    let first = place.start("first", false).await.unwrap();
+    first.add(10).await.unwrap();
+    // A copy of the same run of the coordinator that later ends abruptly.
+    let older = read();
+    first.add(10).await.unwrap();
+    first.add(10).await.unwrap();
+    let acknowledged = first.end();
+    let newer = read();
+    put_back(older);
+    for from_mirror in [false, true] {
+        let refused = place.start("first", from_mirror).await.err().unwrap();
+        assert!(
+            matches!(refused, MirrorError::SetBack { missing: 2, .. }),
+            "{refused}"
+        );
+    }
+    // The refusal changed nothing, and the newest database goes on.
+    put_back(newer);
+    let again = place.start("first", false).await.unwrap();
+    assert!(again.rows() == acknowledged);
+    let older = read();
+    again.add(10).await.unwrap();
+    again.store.close();
+    let acknowledged = again.end();
+    put_back(older);
+    let refused = place.start("first", false).await.err().unwrap();
+    assert!(
+        matches!(refused, MirrorError::SetBack { missing: 1, .. }),
+        "{refused}"
+    );
+    assert!(place.start("second", true).await.unwrap().rows() == acknowledged);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_mirror_within_the_data_directory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let data = DataDirectory::hold(folder.path()).unwrap();
@@ -621,6 +666,7 @@ async fn a_late_claim_among_removed_entries_does_not_count() {
         next: 1,
         epoch: 1,
         epoch_begins: 1,
+        changes: None,
         is_placed: false,
     };
     late.follow(2, 1).unwrap();
