@@ -9,6 +9,7 @@ use murmuration_coordinator::{
     server::{Options, Publication, ServerError},
 };
 use murmuration_dispatch as dispatch;
+use murmuration_files::UnfinishedFolder;
 use murmuration_link::{
     AccessFile, Coordinator, Credentials, Target, access_file_of, is_loopback, machine_name,
 };
@@ -24,7 +25,6 @@ use std::{
     path::Path,
     time::{Duration, Instant},
 };
-use tempfile::TempDir;
 use tonic::service::interceptor::InterceptedService;
 
 pub type Client = CampaignServiceClient<Coordinator>;
@@ -47,7 +47,7 @@ pub struct Connection {
     /// The coordinator that this process started, if any.
     own: Option<LocalCluster>,
     /// The copy of the data directory that this process reads, if the directory cannot be written.
-    copy: Option<TempDir>,
+    copy: Option<UnfinishedFolder>,
 }
 
 /// Longest wait for the address of the process that holds the data directory. A coordinator publishes its address when it begins

@@ -10,7 +10,7 @@ use super::{
 };
 use csv::Writer;
 use murmuration_coordinator::local::InProcess;
-use murmuration_files::InputKind;
+use murmuration_files::{InputKind, UnfinishedFolder};
 use murmuration_link::{OutputError, errln, termination};
 use murmuration_model::{
     csv_file::{CsvError, CsvFile, CsvRow},
@@ -20,6 +20,7 @@ use murmuration_proto::v1::{self, evaluate_request::Part, evaluation_description
 use murmuration_store::DataDirectory;
 use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, Text, counted, start_seed};
 use std::{
+    env,
     io::{self, Write},
     iter, mem,
     path::{Path, PathBuf},
@@ -147,7 +148,8 @@ impl Evaluate {
         if global.names_coordinator() || is_there(&global.data)? {
             return connection::with(global, in_process, evaluate).await;
         }
-        let folder = tempfile::tempdir()
+        // This also removes the folders that killed commands of this user left.
+        let folder = UnfinishedFolder::secret(&env::temp_dir(), "murmuration-evaluate-")
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         let data = DataDirectory::hold(folder.path())?;
         connection::with_own(global, data, in_process, None, evaluate).await

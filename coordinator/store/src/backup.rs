@@ -14,7 +14,7 @@ use crate::{
     find_database, remove_new,
 };
 use bytes::Bytes;
-use murmuration_files::{InputKind, digest_of, read_bytes, write_file};
+use murmuration_files::{InputKind, UnfinishedFolder, digest_of, read_bytes, write_file};
 use murmuration_search::interrupt::{Interrupt, Interrupted};
 use murmuration_swarm::CheckpointDigest;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,6 @@ use std::{
     path::{Path, PathBuf},
     time::{SystemTime, UNIX_EPOCH},
 };
-use tempfile::TempDir;
 
 /// Version of the manifest's format.
 const SCHEMA: u32 = 1;
@@ -139,20 +138,20 @@ pub async fn backup(
     Ok(manifest)
 }
 
-/// Copies the database of `data`, which cannot be written, into a new folder of the system's folder for temporary files. A coordinator
-/// over the copy reads the checkpoints of `data` itself.
+/// Beginning of the name of the folder of a copy that is only read.
+const READ_COPY: &str = "murmuration-read-";
+
+/// Copies the database of `data`, which cannot be written, into a new folder of the system's folder for temporary files. Removes the
+/// copies that this user's killed processes left there. A coordinator over the copy reads the checkpoints of `data` itself.
 ///
 /// # Errors
 /// [`StoreError::InUse`] if a process holds the data directory; other errors if the database cannot be read, or the copy has no room.
-pub fn copy_to_read(data: &Path) -> Result<TempDir, StoreError> {
+pub fn copy_to_read(data: &Path) -> Result<UnfinishedFolder, StoreError> {
     // No process can hold the data directory meanwhile.
     let _alone = DataDirectory::watch(data)?;
     let temporary = env::temp_dir();
     let no_room = |error| StoreError::from_io(error, "make a copy to read in", &temporary);
-    let copy = tempfile::Builder::new()
-        .prefix("murmuration-read-")
-        .tempdir_in(&temporary)
-        .map_err(no_room)?;
+    let copy = UnfinishedFolder::secret(&temporary, READ_COPY).map_err(no_room)?;
     let place = copy.path().join(Store::FILE);
     let database = data.join(Store::FILE);
     for (from, to) in [
@@ -433,7 +432,10 @@ mod tests {
         drop(Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap());
         let database = folder.path().join(Store::FILE);
         fs::set_permissions(&database, fs::Permissions::from_mode(0o444)).unwrap();
+        // A killed process left its copy.
+        let left = tempfile::Builder::new().prefix(READ_COPY).tempdir().unwrap();
         let copy = copy_to_read(folder.path()).unwrap();
+        assert!(!left.path().exists());
         let copied = copy.path().join(Store::FILE);
         assert_eq!(fs::metadata(&copied).unwrap().permissions().mode() & 0o200, 0o200);
         assert_eq!(fs::read(copied).unwrap(), fs::read(database).unwrap());

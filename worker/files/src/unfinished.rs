@@ -1,9 +1,10 @@
 //! Folders that are being filled, and leftovers of processes that were killed while filling them.
 
+use rustix::process::geteuid;
 use std::{
-    fs::{self, File, Permissions, TryLockError},
+    fs::{self, File, Metadata, Permissions, TryLockError},
     io,
-    os::unix::fs::PermissionsExt as _,
+    os::unix::fs::{MetadataExt as _, PermissionsExt as _},
     path::{Path, PathBuf},
 };
 use tempfile::TempDir;
@@ -26,12 +27,24 @@ impl UnfinishedFolder {
     /// # Errors
     /// The system's error, or an error if the file system has no locks.
     pub fn new(parent: &Path, prefix: &str) -> io::Result<Self> {
+        Self::with_mode(parent, prefix, 0o755)
+    }
+
+    /// Creates a folder like [`UnfinishedFolder::new`] that only this process's user may read.
+    ///
+    /// # Errors
+    /// The errors of [`UnfinishedFolder::new`].
+    pub fn secret(parent: &Path, prefix: &str) -> io::Result<Self> {
+        Self::with_mode(parent, prefix, 0o700)
+    }
+
+    fn with_mode(parent: &Path, prefix: &str, mode: u32) -> io::Result<Self> {
         remove_leftovers(parent, prefix);
         for _ in 0..ATTEMPTS {
             let folder = tempfile::Builder::new()
                 .prefix(prefix)
                 .rand_bytes(RANDOM_CHARS)
-                .permissions(Permissions::from_mode(0o755))
+                .permissions(Permissions::from_mode(mode))
                 .tempdir_in(parent)?;
             // Another process may have removed the new folder as a leftover.
             let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
@@ -61,8 +74,8 @@ impl UnfinishedFolder {
 /// Number of letters and digits that follow the prefix of a name.
 const RANDOM_CHARS: usize = 6;
 
-/// Removes the folders in `parent` whose names are `prefix` and six letters or digits, if the processes that filled these folders
-/// have ended.
+/// Removes this user's folders in `parent` whose names are `prefix` and six letters or digits, if the processes that filled these
+/// folders have ended.
 pub fn remove_leftovers(parent: &Path, prefix: &str) {
     let entries = fs::read_dir(parent).into_iter().flatten().flatten();
     for entry in entries {
@@ -71,7 +84,8 @@ pub fn remove_leftovers(parent: &Path, prefix: &str) {
         let is_one = name.strip_prefix(prefix).is_some_and(|rest| {
             rest.len() == RANDOM_CHARS && rest.bytes().all(|byte| byte.is_ascii_alphanumeric())
         });
-        if !is_one || !entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+        let is_own = |found: Metadata| found.is_dir() && found.uid() == geteuid().as_raw();
+        if !is_one || !entry.metadata().is_ok_and(is_own) {
             continue;
         }
         let held = File::open(&path).map(|folder| match folder.try_lock() {
@@ -88,6 +102,7 @@ pub fn remove_leftovers(parent: &Path, prefix: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::chown;
 
     #[test]
     fn folders_of_processes_that_have_ended_are_removed() {
@@ -97,12 +112,22 @@ mod tests {
         for name in [".new-left0a"].iter().chain(&others) {
             fs::create_dir(at(name)).unwrap();
         }
+        fs::create_dir(at(".new-0thers")).unwrap();
+        let other_user = geteuid().is_root();
+        if other_user {
+            chown(at(".new-0thers"), Some(1), None).unwrap();
+        }
         let living = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
         let other = UnfinishedFolder::new(parent.path(), ".new-").unwrap();
         assert!(!at(".new-left0a").exists());
         assert!(others.iter().all(|name| at(name).exists()));
         assert!(living.path().exists() && other.path().exists());
-        drop((living, other));
-        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), others.len());
+        assert_eq!(at(".new-0thers").exists(), other_user);
+        let secret = UnfinishedFolder::secret(parent.path(), ".secret-").unwrap();
+        let mode = secret.path().metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o700);
+        drop((living, other, secret));
+        let left = others.len() + usize::from(other_user);
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), left);
     }
 }
