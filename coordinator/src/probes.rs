@@ -83,10 +83,7 @@ fn not_ready(why: &str) -> Response {
 }
 
 async fn metrics(State(probes): State<Probes>, headers: HeaderMap) -> Response {
-    let accept = headers
-        .get(header::ACCEPT)
-        .and_then(|accept| accept.to_str().ok());
-    let format = Format::accepted(accept);
+    let format = Format::preferred(&headers);
     let rendered = probes
         .metrics
         .render(&probes.campaigns, &probes.store, &probes.seats, format);

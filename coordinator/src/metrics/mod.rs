@@ -6,7 +6,8 @@
 
 mod observed;
 
-use murmuration_access::Seats;
+use axum::http::HeaderMap;
+use murmuration_access::{Seats, preferred};
 use murmuration_dispatch::{DispatchMetrics, Families, PeerKind};
 use murmuration_engine::campaign::{CampaignError, CampaignMetrics, Campaigns};
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
@@ -28,13 +29,14 @@ pub enum Format {
 
 impl Format {
     const OPEN_METRICS: &str = "application/openmetrics-text";
+    const CLASSIC: &str = "text/plain";
 
-    /// The format for a client with this header `Accept`, if any: OpenMetrics only if the client names it.
+    /// The format that a client with these headers prefers.
     #[must_use]
-    pub fn accepted(accept: Option<&str>) -> Self {
-        match accept.is_some_and(|accept| accept.contains(Self::OPEN_METRICS)) {
-            true => Self::OpenMetrics,
-            false => Self::Classic,
+    pub fn preferred(headers: &HeaderMap) -> Self {
+        match preferred(headers, &[Self::CLASSIC, Self::OPEN_METRICS]) {
+            Self::OPEN_METRICS => Self::OpenMetrics,
+            _ => Self::Classic,
         }
     }
 
@@ -160,15 +162,21 @@ impl Default for Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::http::{HeaderValue, header::ACCEPT};
 
     #[test]
     fn only_a_client_that_names_openmetrics_gets_it() {
         let prometheus =
             "application/openmetrics-text;version=1.0.0;q=0.5,text/plain;version=0.0.4;q=0.3,*/*;q=0.2";
-        assert_eq!(Format::accepted(Some(prometheus)), Format::OpenMetrics);
-        for accept in [None, Some("*/*"), Some("text/plain")] {
-            assert_eq!(Format::accepted(accept), Format::Classic);
+        let format = |accept| {
+            let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(accept))]);
+            Format::preferred(&headers)
+        };
+        assert_eq!(format(prometheus), Format::OpenMetrics);
+        for accept in ["*/*", "text/plain", "application/openmetrics-text;q=0"] {
+            assert_eq!(format(accept), Format::Classic, "{accept}");
         }
+        assert_eq!(Format::preferred(&HeaderMap::new()), Format::Classic);
     }
 
     #[test]

@@ -3,11 +3,11 @@
 use super::{layout::layout, visitor::Visitor};
 use axum::{
     Json,
-    http::{HeaderMap, StatusCode, header::ACCEPT},
+    http::{HeaderMap, StatusCode},
     response::{IntoResponse, Response},
 };
 use maud::html;
-use murmuration_access::{NoSeat, Refusal};
+use murmuration_access::{NoSeat, Refusal, preferred};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError};
 use murmuration_model::CampaignId;
 use murmuration_report::picture::PictureError;
@@ -43,10 +43,14 @@ pub(super) enum PageError {
     Picture(#[from] PictureError),
 }
 
-/// Whether the client asks for HTML; scripts and programs accept any content.
+/// Media types of errors. Scripts and programs that accept any content get a line of text.
+const TEXT: &str = "text/plain";
+const PAGE: &str = "text/html";
+const OBJECT: &str = "application/json";
+
+/// Whether the client asks for HTML rather than for text.
 pub(super) fn wants_page(headers: &HeaderMap) -> bool {
-    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
-    accepts.is_some_and(|kinds| kinds.contains("text/html"))
+    preferred(headers, &[TEXT, PAGE]) == PAGE
 }
 
 impl PageError {
@@ -174,13 +178,10 @@ pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
     let Some(NotFound(text)) = response.extensions().get().cloned() else {
         return response;
     };
-    if wants_page(headers) {
-        return response;
-    }
-    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
-    match accepts.is_some_and(|kinds| kinds.contains("application/json")) {
-        true => (StatusCode::NOT_FOUND, Json(json!({ "error": text }))).into_response(),
-        false => (StatusCode::NOT_FOUND, text + "\n").into_response(),
+    match preferred(headers, &[TEXT, PAGE, OBJECT]) {
+        PAGE => response,
+        OBJECT => (StatusCode::NOT_FOUND, Json(json!({ "error": text }))).into_response(),
+        _ => (StatusCode::NOT_FOUND, text + "\n").into_response(),
     }
 }
 
