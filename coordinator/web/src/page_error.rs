@@ -7,12 +7,12 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use maud::html;
-use murmuration_access::{NoSeat, Refusal, preferred};
+use murmuration_access::{NoSeat, Refusal, limits::MAX_POST, preferred};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError};
 use murmuration_model::CampaignId;
 use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
-use murmuration_swarm::Invalid;
+use murmuration_swarm::{Invalid, grouped};
 use serde_json::json;
 use tonic::{Code, Status};
 
@@ -35,12 +35,22 @@ pub(super) enum PageError {
     #[error(transparent)]
     Input(#[from] Invalid),
     /// The form has a wrong content type, or is too long.
-    #[error("the form of this request cannot be read: send it from the page that it belongs to")]
+    #[error("{}", unread(*.0))]
     Unread(StatusCode),
     #[error(transparent)]
     Campaign(#[from] CampaignError),
     #[error(transparent)]
     Picture(#[from] PictureError),
+}
+
+fn unread(status: StatusCode) -> String {
+    match status {
+        StatusCode::PAYLOAD_TOO_LARGE => {
+            let most = grouped(MAX_POST as u64);
+            format!("the form of this request is too long: it can have at most {most} bytes as it is sent")
+        }
+        _ => "the form of this request cannot be read: send it from the page that it belongs to".to_owned(),
+    }
 }
 
 /// Media types of errors. Scripts and programs that accept any content get a line of text.
@@ -212,5 +222,18 @@ const fn status_of_code(code: Code) -> StatusCode {
             StatusCode::SERVICE_UNAVAILABLE
         }
         _ => StatusCode::INTERNAL_SERVER_ERROR,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_form_that_is_too_long_is_told_the_limit() {
+        let told = PageError::Unread(StatusCode::PAYLOAD_TOO_LARGE).to_string();
+        assert!(told.ends_with("at most 2,097,152 bytes as it is sent"), "{told}");
+        let told = PageError::Unread(StatusCode::UNSUPPORTED_MEDIA_TYPE).to_string();
+        assert!(told.contains("cannot be read"), "{told}");
     }
 }
