@@ -13,14 +13,20 @@ use murmuration_store::{
     LockHolder, StoreError,
     backup::{BackupError, TargetError},
 };
-use murmuration_swarm::{Invalid, SpecFileError, Text, text::masked_url};
+use murmuration_swarm::{
+    Invalid, SpecFileError, Text,
+    text::{masked_url, nearest},
+};
 use std::{
     error::Error as _,
-    fmt, io,
+    fmt, fs, io,
     path::{Path, PathBuf},
     process::ExitCode,
 };
 use tonic::{Code, Status};
+
+/// Maximum number of files of a folder that are compared with a name.
+const MOST_FILES: usize = 10_000;
 
 /// Why a command failed, as a message for its user.
 #[derive(Debug)]
@@ -46,8 +52,16 @@ impl CliError {
     }
 
     /// A file named by the user that cannot be read.
+    /// A file that cannot be read. If the file does not exist, the message names a similar file in the same folder.
     pub fn unreadable(path: &Path, error: &io::Error) -> Self {
-        Self::Input(format!("cannot read {}: {error}", path.display()))
+        let meant = match error.kind() {
+            io::ErrorKind::NotFound => similar_file(path),
+            _ => None,
+        };
+        let meant = meant.map_or_else(String::new, |meant| {
+            format!(": did you mean {}?", meant.display())
+        });
+        Self::Input(format!("cannot read {}: {error}{meant}", path.display()))
     }
 
     pub fn unwritable(path: &Path, error: &io::Error) -> Self {
@@ -155,6 +169,22 @@ impl From<PictureError> for CliError {
     fn from(error: PictureError) -> Self {
         Self::Failed(error.to_string())
     }
+}
+
+/// The file in the folder of `path` whose name is most similar, if any.
+fn similar_file(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent()?;
+    let entries = match folder == Path::new("") {
+        true => fs::read_dir("."),
+        false => fs::read_dir(folder),
+    };
+    let files = entries.ok()?.flatten().take(MOST_FILES);
+    let files = files.filter(|entry| entry.file_type().is_ok_and(|kind| !kind.is_dir()));
+    let names: Vec<String> = files
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    let meant = nearest(path.file_name()?.to_str()?, names.iter().map(String::as_str))?;
+    Some(folder.join(meant))
 }
 
 impl From<ReportError> for CliError {
@@ -284,4 +314,31 @@ impl From<Status> for CliError {
 /// The folder in which `murmuration` keeps the report of a campaign.
 pub(super) fn report_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
     data.join("reports").join(campaign.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mistyped_file_is_told_with_the_similar_one() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["quick.toml", "two-sensor.toml"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        fs::create_dir(folder.path().join("quik")).unwrap();
+        let message = |name: &str, kind: io::ErrorKind| {
+            CliError::unreadable(&folder.path().join(name), &kind.into()).to_string()
+        };
+        let meant = format!(": did you mean {}?", folder.path().join("quick.toml").display());
+        let told = message("quik.toml", io::ErrorKind::NotFound);
+        assert!(told.ends_with(&meant), "{told}");
+        for told in [
+            message("elsewhere.csv", io::ErrorKind::NotFound),
+            message("nowhere/quick.toml", io::ErrorKind::NotFound),
+            message("quik.toml", io::ErrorKind::PermissionDenied),
+        ] {
+            assert!(!told.contains("did you mean"), "{told}");
+        }
+    }
 }

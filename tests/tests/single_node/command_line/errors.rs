@@ -47,6 +47,8 @@ fn bad_input_is_named_with_exit_code_2() {
     let marked = desk.write("marked.toml", &marked);
     desk.check(&["simulate", "--controller", "0,0,0,0", "--spec", &marked], 0, "");
     desk.check(&["run", "missing.toml"], 2, "cannot read missing.toml");
+    let meant = format!("did you mean {}?", desk.path("small.toml"));
+    desk.check(&["run", &desk.path("smal.toml")], 2, &meant);
     desk.check(
         &["run", &desk.path("small.toml"), "--workers", "0"],
         2,
