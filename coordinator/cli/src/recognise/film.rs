@@ -33,10 +33,16 @@ pub(super) struct Film {
     #[arg(long, value_name = "frame=NAME,...")]
     columns: Option<ColumnNames>,
     /// Time from one frame to the next, in units of the world's time [default: one step]
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = over_zero, allow_negative_numbers = true)]
     frame_time: Option<f64>,
     /// Frames per unit of the world's time, instead of --frame-time
-    #[arg(long, value_name = "FRAMES", conflicts_with = "frame_time")]
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        conflicts_with = "frame_time",
+        value_parser = over_zero,
+        allow_negative_numbers = true
+    )]
     fps: Option<f64>,
     /// Width and height of the filmed arena, in units of the tracks; the command scales the arena to the world [default: the tracks
     /// are in world units]
@@ -54,6 +60,14 @@ pub(super) struct Film {
     /// Leave out robots that are seen in fewer frames [default: a robot that is seen in less than half of the frames is an error]
     #[arg(long, value_name = "N")]
     min_frames: Option<u32>,
+}
+
+/// Parses a time or a rate, whose reciprocal is a number too.
+fn over_zero(text: &str) -> Result<f64, &'static str> {
+    let number = text.parse::<f64>().ok();
+    number
+        .filter(|number| number.is_normal() && *number > 0.0)
+        .ok_or("it must be a number over 0")
 }
 
 impl Film {
@@ -165,6 +179,15 @@ impl FromStr for Arena {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_time_and_a_rate_are_over_zero() {
+        assert_eq!(over_zero("0.04"), Ok(0.04));
+        assert_eq!(over_zero("25"), Ok(25.0));
+        for bad in ["", "0", "-1", "nan", "inf", "1e-320", "25fps"] {
+            assert!(over_zero(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn an_arena_is_two_lengths() {

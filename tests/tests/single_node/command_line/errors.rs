@@ -49,6 +49,13 @@ fn bad_input_is_named_with_exit_code_2() {
     desk.check(&["run", "missing.toml"], 2, "cannot read missing.toml");
     let meant = format!("did you mean {}?", desk.path("small.toml"));
     desk.check(&["run", &desk.path("smal.toml")], 2, &meant);
+    for rate in ["0", "-5", "nan"] {
+        desk.check(
+            &["recognise", "film.csv", "--fps", rate],
+            2,
+            "it must be a number over 0",
+        );
+    }
     desk.check(
         &["run", &desk.path("small.toml"), "--workers", "0"],
         2,
