@@ -27,6 +27,8 @@ pub(crate) const FIRST_INEXACT: u64 = 1 << 53;
 pub enum CsvError {
     #[error("{}: {error}", path.display())]
     Unreadable { path: PathBuf, error: String },
+    #[error("{}: the file is empty; its first line must name its columns", path.display())]
+    Empty { path: PathBuf },
     #[error("{}, line {line}: {problem}: save the file as UTF-8", path.display())]
     Encoding {
         path: PathBuf,
@@ -173,10 +175,14 @@ impl<R: Read> CsvFile<R> {
             reader: csv::ReaderBuilder::new().has_headers(false).from_reader(lines),
         };
         let mut columns = StringRecord::new();
-        let line = file.read(&mut columns)?.unwrap_or(1);
+        let line = file.read(&mut columns)?;
         if file.reader.get_ref().is_utf16() {
             return Err(file.encoding(1));
         }
+        let Some(line) = line else {
+            let path = path.to_owned();
+            return Err(CsvError::Empty { path });
+        };
         file.header = Arc::new(Header {
             path: path.to_owned(),
             line,
@@ -415,7 +421,11 @@ mod tests {
     fn what_is_wrong_is_named_with_its_line() {
         check(
             "",
-            Err("t.csv, line 1: there is no column \"id\"; its columns are "),
+            Err("t.csv: the file is empty; its first line must name its columns"),
+        );
+        check(
+            "\n\r\n",
+            Err("t.csv: the file is empty; its first line must name its columns"),
         );
         check(
             "id,class,id\n1,ring,2\n",

@@ -56,6 +56,13 @@ fn bad_input_is_named_with_exit_code_2() {
             "it must be a number over 0",
         );
     }
+    let empty = desk.write("empty.csv", "");
+    for arguments in [
+        vec!["recognise", &empty],
+        vec!["lab", "judge", "--labels", &empty],
+    ] {
+        desk.check(&arguments, 2, "empty.csv: the file is empty");
+    }
     desk.check(
         &["run", &desk.path("small.toml"), "--workers", "0"],
         2,
