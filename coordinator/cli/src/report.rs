@@ -59,9 +59,22 @@ impl ReportCommand {
             Some(folder) => write_report(connection, &id, folder, replaces(self.force)).await,
             None => {
                 let folder = report_folder(&global.data, &id);
+                if campaign.state() == v1::CampaignState::Completed {
+                    expect_writable(&folder)?;
+                }
                 write_report(connection, &id, &folder, Replaces::All).await
             }
         }
+    }
+}
+
+/// Checks that the folder of a data directory can hold a report, before workers simulate for the report.
+fn expect_writable(folder: &Path) -> Result<(), CliError> {
+    match Folder::create(folder, Replaces::All) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(CliError::Input(format!(
+            "{error}: name a folder for the report with --out DIR"
+        ))),
     }
 }
 

@@ -183,6 +183,20 @@ fn a_file_that_never_ends_is_not_read_for_ever() {
 }
 
 #[test]
+fn a_report_that_the_data_directory_cannot_hold_goes_elsewhere() {
+    let desk = Desk::new();
+    desk.check(&["run", &desk.path("small.toml")], 0, "");
+    fs::remove_dir_all(desk.path("data/reports")).unwrap();
+    desk.write("data/reports", "");
+    desk.check(
+        &["report", "latest"],
+        2,
+        "name a folder for the report with --out DIR",
+    );
+    desk.check(&["report", "latest", "--out", &desk.path("report")], 0, "");
+}
+
+#[test]
 fn a_pipe_that_no_process_reads_is_not_waited_for() {
     let desk = Desk::new();
     let pipe = desk.path("pipe");
