@@ -322,6 +322,16 @@ def test_a_completed_campaign_searches_on(client: mm.Client) -> None:
     assert campaign.digest() == whole.digest()
 
 
+def test_tags_and_a_note_are_kept(client: mm.Client) -> None:
+    campaign = client.run(SPEC, progress=False)
+    campaign.note("Repeat", add=["paper", "baseline"])
+    campaign.note(remove=["paper"])
+    status = campaign.status()
+    assert (list(status.tags), status.note) == (["baseline"], "Repeat")
+    with pytest.raises(mm.InvalidError, match="tag"):
+        campaign.note(add=["two words"])
+
+
 def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.CaptureFixture[str]) -> None:
     campaign = client.run(SPEC, progress=True)
     assert "100/100" in capfd.readouterr().err

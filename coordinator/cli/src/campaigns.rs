@@ -13,7 +13,7 @@ use super::{
 };
 use murmuration_coordinator::local::InProcess;
 use murmuration_link::{errln, outln, print};
-use murmuration_model::{Weight, generations_in_words};
+use murmuration_model::{Tag, Weight, generations_in_words};
 use murmuration_proto::v1;
 use murmuration_swarm::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, in_full};
 use std::{collections::BTreeMap, path::PathBuf};
@@ -41,6 +41,9 @@ pub struct List {
     /// List the campaigns of studies too
     #[arg(long)]
     studies: bool,
+    /// List only the campaigns with this tag, those of studies too
+    #[arg(long, value_name = "TAG")]
+    tag: Option<Tag>,
 }
 
 #[derive(Debug, clap::Args)]
@@ -212,11 +215,14 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
 
 impl List {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let campaigns = listed(global).await?;
+        let mut campaigns = listed(global).await?;
+        if let Some(tag) = &self.tag {
+            campaigns.retain(|campaign| campaign.tags.iter().any(|own| own == tag.as_str()));
+        }
         if global.json {
             return Ok(json::print_all(campaigns.iter().map(json::Document))?);
         }
-        show_list(global, campaigns, self.studies)
+        show_list(global, campaigns, self.studies || self.tag.is_some())
     }
 }
 
@@ -225,17 +231,19 @@ async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     connection::with(global, InProcess::NONE, list).await
 }
 
-/// Prints the campaigns as a table. Without `studies`, the table lacks the campaigns of studies, and their number follows it.
+/// Prints the campaigns as a table, with a column of tags if any campaign has one. Without `studies`, the table lacks the campaigns of studies, and their number follows it.
 fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
     let mut folded: BTreeMap<String, u64> = BTreeMap::new();
-    let mut table = Table::new([
+    let has_tags = campaigns.iter().any(|campaign| !campaign.tags.is_empty());
+    let columns = [
         left("CAMPAIGN"),
         left("STATE"),
         left("STAGE"),
         right("GENERATIONS"),
         left("MODEL"),
         left("METHOD"),
-    ]);
+    ];
+    let mut table = Table::new(columns.into_iter().chain(has_tags.then(|| left("TAGS"))));
     for campaign in campaigns {
         if !studies && !campaign.study.is_empty() {
             *folded.entry(campaign.study).or_default() += 1;
@@ -246,14 +254,16 @@ fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Re
         };
         let [done, all] =
             [campaign.generations_done, campaign.generations].map(|count| grouped(count.into()));
-        table.row([
+        let cells = [
             campaign.id.clone(),
             state(&campaign),
             stage(&campaign).unwrap_or("-").to_owned(),
             format!("{done}/{all}"),
             spec.model().to_string(),
             spec.method().name().to_owned(),
-        ]);
+        ];
+        let tags = has_tags.then(|| campaign.tags.join(" "));
+        table.row(cells.into_iter().chain(tags));
     }
     table.print()?;
     for (study, count) in folded {
@@ -319,6 +329,12 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
     )?;
     if !campaign.checkpoint.is_empty() {
         outln!("# embedded by checkpoint {}", campaign.checkpoint)?;
+    }
+    if !campaign.tags.is_empty() {
+        outln!("# tags: {}", campaign.tags.join(" "))?;
+    }
+    for line in campaign.note.lines() {
+        outln!("# {line}")?;
     }
     Ok(print(spec.to_toml())?)
 }

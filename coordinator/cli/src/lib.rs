@@ -26,6 +26,7 @@ mod link;
 mod maintenance;
 pub mod next_step;
 mod nodes;
+mod note;
 mod quarantine;
 mod recognise;
 mod report;
@@ -200,6 +201,8 @@ pub enum CampaignCommand {
     Report(report::ReportCommand),
     /// Draw behaviours of a completed campaign in one figure, for a paper
     Figure(figure::FigureCommand),
+    /// Change the tags and the note of a campaign
+    Note(note::NoteCommand),
     /// Pause a campaign; `resume` continues it
     Pause(campaigns::Name),
     /// End a campaign permanently, and keep its archive
@@ -226,6 +229,7 @@ impl CampaignCommand {
             Self::Show(show) => Box::pin(show.execute(global)),
             Self::Report(report) => Box::pin(report.execute(global)),
             Self::Figure(figure) => Box::pin(figure.execute(global)),
+            Self::Note(note) => Box::pin(note.execute(global)),
             Self::Pause(name) => Box::pin(async move { campaigns::pause(global, &name.campaign).await }),
             Self::Cancel(name) => Box::pin(async move { campaigns::cancel(global, &name.campaign).await }),
             Self::Delete(delete) => Box::pin(delete.execute(global)),

@@ -79,7 +79,9 @@ impl Validated for v1::Campaign {
         let notices = self.notices.iter_mut().map(|notice| &mut notice.text);
         notices
             .chain([&mut self.error, &mut self.waiting])
+            .chain(&mut self.tags)
             .for_each(clean);
+        self.note = Text::lines(&self.note).into();
         self.toml = self.toml.map(|toml| Text::lines(&toml).into());
         Ok(self)
     }

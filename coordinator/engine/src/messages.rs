@@ -74,6 +74,8 @@ impl From<CampaignStatus> for v1::Campaign {
                 .unwrap_or_default(),
             ended_ms: record.ended_ms,
             toml: None,
+            tags: record.notes.tags.iter().map(ToString::to_string).collect(),
+            note: record.notes.note.as_str().to_owned(),
         }
     }
 }

@@ -180,7 +180,7 @@ fn check_embedder(record: &CampaignRecord) -> Result<(), Invalid> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ArchiveEmbedder, Weight};
+    use crate::{ArchiveEmbedder, CampaignNotes, Weight};
     use murmuration_swarm::CampaignSpec;
 
     fn spec(method: &str) -> CampaignSpec {
@@ -194,6 +194,7 @@ mod tests {
             spec: spec("latent"),
             weight: Weight::default(),
             study: None,
+            notes: CampaignNotes::default(),
             state: CampaignState::Running,
             error: String::new(),
             created_ms: 5,

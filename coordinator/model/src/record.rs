@@ -1,6 +1,6 @@
 //! A campaign as it is stored, and the version of its archive.
 
-use super::{ArchiveEmbedder, CampaignId, CampaignState, Weight};
+use super::{ArchiveEmbedder, CampaignId, CampaignNotes, CampaignState, Weight};
 use murmuration_swarm::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
 use std::fmt;
 
@@ -11,6 +11,7 @@ pub struct CampaignRecord {
     /// The campaign's share of the workers.
     pub weight: Weight,
     pub study: Option<CampaignName>,
+    pub notes: CampaignNotes,
     pub state: CampaignState,
     /// Why the campaign failed; empty in any other state.
     pub error: String,
@@ -43,6 +44,7 @@ impl CampaignRecord {
             spec,
             weight: Weight::default(),
             study: None,
+            notes: CampaignNotes::default(),
             state: CampaignState::Running,
             error: String::new(),
             created_ms: 0,
@@ -129,6 +131,7 @@ impl fmt::Display for ArchiveVersion {
 pub struct CampaignHead {
     pub id: CampaignId,
     pub study: Option<CampaignName>,
+    pub notes: CampaignNotes,
     pub state: CampaignState,
     /// The beginning of the campaign's specification as TOML: the fields outside of tables, such as `method`.
     pub opening: String,

@@ -9,7 +9,7 @@ use murmuration_engine::{
     queries::Queries,
     taxonomy::{Names, Taxonomy},
 };
-use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, NewCampaign, study_name};
+use murmuration_model::{ArchiveVersion, CampaignId, CampaignRecord, NewCampaign, NotesChange, study_name};
 use murmuration_proto::{PART_BYTES, parts::parts, v1};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{
@@ -243,6 +243,14 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         } = request.into_inner();
         let extended = self.campaigns.extend(&campaign, generations).await.or_status()?;
         Ok(Response::new(extended.into()))
+    }
+
+    async fn note_campaign(&self, request: Request<v1::NoteCampaignRequest>) -> Answer<v1::Campaign> {
+        let request = request.into_inner();
+        let campaign = request.campaign.clone();
+        let change = NotesChange::try_from(request)?;
+        let noted = self.campaigns.note(&campaign, change).await.or_status()?;
+        Ok(Response::new(noted.into()))
     }
 
     type ListGenerationsStream = Streamed<v1::ListGenerationsResponse>;

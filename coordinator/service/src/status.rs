@@ -92,6 +92,7 @@ impl IntoStatus for CampaignError {
             CampaignError::Checkpoint(error) => error.into_status(),
             CampaignError::Query(error) => error.into_status(),
             CampaignError::Label(error) => error.into_status(),
+            CampaignError::NotNoted(_) => Status::invalid_argument(self.to_string()),
             CampaignError::NotAllowed(_)
             | CampaignError::NotDeleted(_)
             | CampaignError::NotExtended { .. }

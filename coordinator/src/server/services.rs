@@ -39,6 +39,7 @@ const CAMPAIGNS: MethodRequirements = &[
     ("AdoptCheckpoint", OPERATOR, Decision),
     ("RefineCampaign", OPERATOR, Decision),
     ("ExtendCampaign", OPERATOR, Decision),
+    ("NoteCampaign", ANNOTATOR, Decision),
     ("ListGenerations", VIEWER, Reading),
     ("GetArchive", VIEWER, Reading),
     ("GetDigest", VIEWER, Reading),

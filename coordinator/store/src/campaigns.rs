@@ -3,8 +3,8 @@
 use super::{Store, StoreError, UnknownCampaign};
 use crate::{checkpoint_rows::checkpoint_number, hidden::HIDDEN, numbers::now_ms};
 use murmuration_model::{
-    ArchiveEmbedder, CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Rounds, Weight,
-    labels::RequestId, study_name,
+    ArchiveEmbedder, CampaignHead, CampaignId, CampaignNotes, CampaignRecord, CampaignState, NewCampaign,
+    Rounds, Weight, labels::RequestId, study_name,
 };
 use murmuration_proto::SIMULATOR_VERSION;
 use murmuration_swarm::{
@@ -23,7 +23,7 @@ pub struct Started {
 /// Query for the columns that [`record`] reads by their names.
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version, c.weight, c.rollbacks, c.decisions, c.rounds,
-           c.label_cutoff, c.last_label_cutoff, c.study, c.ended_ms, l.best_novelty, l.mean_novelty,
+           c.label_cutoff, c.last_label_cutoff, c.study, c.tags, c.note, c.ended_ms, l.best_novelty, l.mean_novelty,
            (SELECT coalesce(max(generation) + 1, 0) FROM generations g WHERE g.campaign = c.number) AS generations_done,
            (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint) AS checkpoint,
            (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint) AS next_checkpoint,
@@ -36,7 +36,7 @@ const SELECT: &str = "
 /// Query for the columns of a [`CampaignHead`]. The opening of a campaign is the part of its specification before the first TOML
 /// table.
 const HEADS: &str = "
-    SELECT id, study, state, substr(spec, 1, instr(spec || char(10) || '[', char(10) || '[')) AS opening
+    SELECT id, study, tags, note, state, substr(spec, 1, instr(spec || char(10) || '[', char(10) || '[')) AS opening
     FROM campaigns WHERE state <> ?1 ORDER BY number";
 
 impl Store {
@@ -125,6 +125,7 @@ impl Store {
                 Ok(CampaignHead {
                     id: CampaignId::from_store(row.get("id")?),
                     study: study_name(study).map_err(|error| StoreError::damaged(error.to_string()))?,
+                    notes: notes(row)?,
                     state: known.ok_or_else(|| StoreError::damaged(format!("state {state:?}")))?,
                     opening: row.get("opening")?,
                 })
@@ -253,6 +254,16 @@ fn records(
     statement.query_and_then(parameters, record)?.collect()
 }
 
+/// The tags and the note in the columns `tags` and `note` of a row.
+pub(super) fn notes(row: &Row<'_>) -> Result<CampaignNotes, StoreError> {
+    let damaged = |error: Invalid| StoreError::damaged(error.to_string());
+    let (tags, note): (String, String) = (row.get("tags")?, row.get("note")?);
+    Ok(CampaignNotes {
+        tags: tags.parse().map_err(damaged)?,
+        note: note.parse().map_err(damaged)?,
+    })
+}
+
 fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
     let id: CampaignId = row
         .get::<_, String>("id")?
@@ -272,6 +283,7 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
         spec: CampaignSpec::from_toml(&spec).map_err(|error| damaged(error.to_string()))?,
         weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
         study: study_name(row.get("study")?).map_err(invalid)?,
+        notes: notes(row)?,
         state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
         // The error can contain text from another machine, so it is cleaned.
         error: Text::line(&row.get::<_, String>("error")?).into(),

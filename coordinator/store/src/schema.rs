@@ -221,6 +221,11 @@ const MIGRATIONS: &[Migration] = &[
     ) STRICT;
     "),
     Rust(into_chunks),
+    // Adds the tags (with spaces between them) and the note of a campaign.
+    Sql("
+    ALTER TABLE campaigns ADD COLUMN tags TEXT NOT NULL DEFAULT '';
+    ALTER TABLE campaigns ADD COLUMN note TEXT NOT NULL DEFAULT '';
+    "),
 ];
 
 /// The tables of chunks (see `chunks`).

@@ -75,10 +75,12 @@ impl Order {
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(super) struct Wanted {
-    /// Words to find in the id, the state, the study or the first lines of the specification of a campaign.
+    /// Words to find in the id, the state, the study, the tags, the note or the first lines of the specification of a campaign.
     pub(super) words: Words,
     /// The wanted state, from [`STATES`].
     pub(super) state: String,
+    /// The tag of the wanted campaigns.
+    pub(super) tag: String,
     /// The study whose campaigns are wanted; the list then has one line for each campaign of the study.
     pub(super) study: String,
     pub(super) order: Order,
@@ -150,7 +152,7 @@ pub(super) enum Line {
 impl Wanted {
     /// Whether the search excludes any campaigns.
     pub(super) fn filters(&self) -> bool {
-        [&self.words.0, &self.state, &self.study]
+        [&self.words.0, &self.state, &self.tag, &self.study]
             .into_iter()
             .any(|asked| !asked.trim().is_empty())
     }
@@ -190,10 +192,20 @@ impl Wanted {
         if !self.state.is_empty() && self.state != state || !self.study.is_empty() && self.study != study {
             return false;
         }
+        let notes = &listed.head.notes;
+        if !self.tag.is_empty() && !notes.tags.have(&self.tag) {
+            return false;
+        }
         if words.is_empty() {
             return true;
         }
-        let text = format!("{} {study} {state} {}", listed.head.id, listed.head.opening).to_lowercase();
+        let (id, opening) = (&listed.head.id, &listed.head.opening);
+        let text = format!(
+            "{id} {study} {state} {} {} {opening}",
+            notes.tags,
+            notes.note.as_str()
+        )
+        .to_lowercase();
         words.iter().all(|word| text.contains(word))
     }
 
@@ -250,7 +262,7 @@ fn state_word(listed: &ListedCampaign) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_model::CampaignHead;
+    use murmuration_model::{CampaignHead, CampaignNotes};
 
     fn listed(number: usize, study: &str, state: CampaignState) -> ListedCampaign {
         let name = if study.is_empty() { "alone" } else { study };
@@ -258,6 +270,7 @@ mod tests {
             head: CampaignHead {
                 id: format!("{name}-{number}").parse().unwrap(),
                 study: CampaignName::try_from(study.to_owned()).ok(),
+                notes: CampaignNotes::default(),
                 state,
                 opening: "name = \"x\"\nmethod = \"Latent\"\n".to_owned(),
             },
@@ -272,8 +285,8 @@ mod tests {
             words: words.try_into().unwrap(),
             state,
             study,
-            order: Order::Newest,
             page,
+            ..Wanted::default()
         }
     }
 
@@ -335,6 +348,29 @@ mod tests {
     }
 
     #[test]
+    fn tags_and_notes_are_found() {
+        let mut campaigns: Vec<_> = (1..=3)
+            .map(|number| listed(number, "", CampaignState::Completed))
+            .collect();
+        campaigns[0].head.notes.tags = "baseline paper".parse().unwrap();
+        campaigns[1].head.notes.tags = "base".parse().unwrap();
+        campaigns[2].head.notes.note = "As the Baseline, with noise".parse().unwrap();
+        let ids = |wanted: Wanted| -> Vec<String> {
+            let ids = wanted.of(&campaigns).ids();
+            ids.iter().map(ToString::to_string).collect()
+        };
+        let tagged = |tag: &str, words: &str| Wanted {
+            tag: tag.to_owned(),
+            ..wanted(words, "", "", 0)
+        };
+        assert_eq!(ids(wanted("BASELINE", "", "", 0)), ["alone-3", "alone-1"]);
+        assert_eq!(ids(wanted("noise as", "", "", 0)), ["alone-3"]);
+        assert_eq!(ids(tagged("base", "")), ["alone-2"]);
+        assert_eq!(ids(tagged("paper", "latent")), ["alone-1"]);
+        assert!(ids(tagged("paper", "noise")).is_empty() && tagged("paper", "").filters());
+    }
+
+    #[test]
     fn long_words_are_refused() {
         assert!(Words::try_from("-".repeat(200)).is_ok());
         let refused = Words::try_from("-".repeat(201)).unwrap_err().to_string();
@@ -344,6 +380,9 @@ mod tests {
     #[test]
     fn an_address_keeps_what_is_wanted() {
         let address = wanted("a b", "paused", "", 0).address("/", 2);
-        assert_eq!(address, "/?words=a+b&state=paused&study=&order=newest&page=2");
+        assert_eq!(
+            address,
+            "/?words=a+b&state=paused&tag=&study=&order=newest&page=2"
+        );
     }
 }

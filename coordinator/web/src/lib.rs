@@ -29,6 +29,7 @@ mod map;
 mod motion;
 mod named;
 mod new;
+mod notes;
 mod of_campaign;
 mod page_error;
 mod pages;
@@ -177,6 +178,7 @@ fn pages() -> GuardedRouter<Web> {
         .post("/campaigns/{id}/cancel", OPERATOR, Decision, pages::cancel)
         .post("/campaigns/{id}/refine", OPERATOR, Decision, learning::begin)
         .post("/campaigns/{id}/extend", OPERATOR, Decision, pages::extend)
+        .post("/campaigns/{id}/notes", ANNOTATOR, Decision, notes::change)
         .get("/campaigns/{id}/delete", OPERATOR, Light, delete::page)
         .post("/campaigns/{id}/delete", OPERATOR, Decision, delete::delete)
         .get("/campaigns/{id}/label", VIEWER, Light, label::one)

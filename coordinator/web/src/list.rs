@@ -7,6 +7,7 @@ use super::{
     found::{Line, ORDERS, STATES, Wanted},
     glossary::term,
     layout::layout_with,
+    notes,
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
@@ -56,7 +57,9 @@ pub(super) async fn page(
                         @for (order, name) in ORDERS { option value=(order.name()) selected[wanted.order == order] { (name) } }
                     }
                 }
-                @if !wanted.study.is_empty() { input type="hidden" name="study" value=(wanted.study); }
+                @for (name, value) in [("tag", &wanted.tag), ("study", &wanted.study)] {
+                    @if !value.is_empty() { input type="hidden" name=(name) value=(value); }
+                }
                 button.plain { "Find" }
             }
             section aria-label="Campaigns" data-live=(wanted.address("/events", wanted.page)) { (table) }
@@ -84,9 +87,10 @@ pub(super) async fn table(web: &Web, wanted: &Wanted, age: Duration) -> Result<M
         .map(|status| (status.record.id.as_str(), status))
         .collect();
     let line_of =
-        |id: &CampaignId| html! { @if let Some(status) = by_id.get(id.as_str()) { (line(status)) } };
+        |id: &CampaignId| html! { @if let Some(status) = by_id.get(id.as_str()) { (line(status, wanted)) } };
     Ok(html! {
         p.reason #shown {
+            @if !wanted.tag.is_empty() { "With the tag " strong { (wanted.tag) } ": " }
             @if wanted.filters() { (grouped(found.matching as u64)) " of " (grouped(found.all as u64)) " shown. " a href="/" { "Show all" } }
         }
         @if found.all == 0 {
@@ -146,7 +150,7 @@ fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, c
     }
 }
 
-fn line(status: &CampaignStatus) -> Markup {
+fn line(status: &CampaignStatus, wanted: &Wanted) -> Markup {
     let record = &status.record;
     let id = record.id.as_str();
     html! {
@@ -157,6 +161,8 @@ fn line(status: &CampaignStatus) -> Markup {
                 a id={ "campaign-" (id) } href={ "/campaigns/" (id) } { (id) }
                 span.about { (record.spec.model()) " · " (record.spec.method()) }
                 span.about { (when(record)) }
+                (notes::chips(&record.notes.tags, wanted))
+                @if let Some(first) = record.notes.note.as_str().lines().next() { span.about.first-line { (first) } }
             }
             (progress(status))
             div { (delete::menu(record)) }

@@ -122,7 +122,7 @@ impl PageError {
             Self::Refused(refusal) => status_of(refusal),
             Self::Late => StatusCode::GATEWAY_TIMEOUT,
             Self::Service(status) => status_of_code(status.code()),
-            Self::Input(_) => StatusCode::BAD_REQUEST,
+            Self::Input(_) | Self::Campaign(CampaignError::NotNoted(_)) => StatusCode::BAD_REQUEST,
             Self::Unread(status) => *status,
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },

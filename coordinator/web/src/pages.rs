@@ -7,6 +7,7 @@ use super::{
     delete, history,
     layout::{Part, campaign_page},
     machines,
+    notes,
     of_campaign::OfCampaign,
     page_error::PageError,
     parts,
@@ -57,6 +58,7 @@ pub(super) async fn campaign(
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
+            (notes::section(&status.record))
             div data-live={ "/campaigns/" (id) "/events" } {
                 section aria-label="Status" data-slot="status" { (slots.status) }
                 div #found {

@@ -627,6 +627,32 @@ class Campaign:
         request = v1.ExtendCampaignRequest(campaign=self.id, generations=wanted)
         self._client.rpc.call("CampaignService/ExtendCampaign", request, v1.Campaign)
 
+    def note(self, note: str | None = None, *, add: Iterable[str] = (), remove: Iterable[str] = ()) -> None:
+        """Changes the tags and the note of the campaign, which are for people; results and digests stay as they are.
+
+        `status()` has both as `tags` and `note`.
+
+        Args:
+            note: The new note, at most 4,000 characters; empty for none. By default, the note stays.
+            add: Tags to add, each 1 to 32 letters, digits, `-`, `_`, `.` and `:`; a campaign has at most 16 tags.
+            remove: Tags to remove.
+
+        Raises:
+            InvalidError: If a tag or the note is not allowed, or there would be too many tags.
+
+        Example:
+            >>> campaign.note("Repeat with more noise", add=["baseline"])
+            >>> list(campaign.status().tags)
+            ['baseline']
+        """
+        request = v1.NoteCampaignRequest(
+            campaign=self.id,
+            add_tags=[text("add", tag) for tag in add],
+            remove_tags=[text("remove", tag) for tag in remove],
+            note=None if note is None else text("note", note),
+        )
+        self._client.rpc.call("CampaignService/NoteCampaign", request, v1.Campaign)
+
     def _description(self) -> str:
         """The text of the campaign's file, with every default filled in."""
         return self.status().toml

@@ -94,12 +94,14 @@ fn a_campaign_comes_back_with_its_digest_labels_classes_and_taxonomy() {
         sampled(),
     ] {
         let place = Place::with(&spec.to_toml());
+        place.done(&["note", "small-1", "--tag", "kept", "--text", "A note"]);
         let exported = place.text("exported");
         place.done(&["export", "latest", &exported]);
         place.done(&["import", &exported, "--data", &place.text("imported")]);
         for command in ["digest", "labels", "classes"] {
             place.same(&[command, "small-1"]);
         }
+        place.same(&["list", "--tag", "kept"]);
         place.same(&["checkpoints", "list"]);
         place.same(&["show", "small-1", "--index", "42", "--json"]);
         for (data, report) in [("data", "report"), ("imported", "report-of-imported")] {

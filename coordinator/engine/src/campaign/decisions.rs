@@ -7,7 +7,7 @@ use super::{
     registry::Deciding,
 };
 use murmuration_dispatch::Submitter;
-use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed, NotesChange};
 use murmuration_store::{Decision, DecisionError, Deletion, DeletionError, Store};
 use murmuration_swarm::{CampaignName, CheckpointDigest};
 use tracing::Instrument as _;
@@ -111,6 +111,18 @@ impl Campaigns {
             check_simulator(&record)?;
         }
         self.decide(record.id, Decision::Extend(generations)).await
+    }
+
+    /// Changes the tags and the note of a campaign, whatever its state; the change is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, or it would have too many tags.
+    pub async fn note(&self, id: &str, change: NotesChange) -> Result<CampaignStatus, CampaignError> {
+        let id = self.record(id).await?.id;
+        let noted = id.clone();
+        let store = &self.context.store;
+        store.run(move |store| store.change_notes(&noted, change)).await?;
+        self.status(id.as_str()).await
     }
 
     /// Reports what a deletion of the campaign would delete.

@@ -5,7 +5,9 @@ use murmuration_dispatch::JobError;
 use murmuration_model::{CampaignId, NotAllowed};
 use murmuration_proto::SIMULATOR_VERSION;
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
-use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
+use murmuration_store::{
+    DecisionError, DeletionError, LabelError, NotesError, StoreError, checkpoints::CheckpointError,
+};
 use murmuration_swarm::{BehaviourSpace, CampaignName, CheckpointDigest, Invalid, counted};
 
 /// Why a campaign stopped, or a request about it failed.
@@ -17,6 +19,9 @@ pub enum CampaignError {
     NotAllowed(#[from] NotAllowed),
     #[error(transparent)]
     NotDeleted(DeletionError),
+    /// The campaign cannot have these tags.
+    #[error(transparent)]
+    NotNoted(Invalid),
     #[error("campaign {id} cannot be extended: {reason}")]
     NotExtended { id: CampaignId, reason: Invalid },
     #[error(
@@ -133,6 +138,15 @@ impl CampaignError {
             DecisionError::Store(error) => Self::Store(error),
             DecisionError::NotAllowed(error) => Self::NotAllowed(error),
             DecisionError::Generations(reason) => Self::NotExtended { id, reason },
+        }
+    }
+}
+
+impl From<NotesError> for CampaignError {
+    fn from(error: NotesError) -> Self {
+        match error {
+            NotesError::Store(error) => Self::Store(error),
+            NotesError::Invalid(refused) => Self::NotNoted(refused),
         }
     }
 }

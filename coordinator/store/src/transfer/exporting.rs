@@ -30,9 +30,9 @@ const ROWS: [&str; 7] = [
         UNION SELECT k.parent FROM source.checkpoints k JOIN needed USING (digest) WHERE k.parent <> '')
      SELECT * FROM source.checkpoints WHERE digest IN (SELECT digest FROM needed) ORDER BY number",
     "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms, weight, rollbacks, checkpoint,
-        next_checkpoint, rounds, label_cutoff, last_label_cutoff)
+        next_checkpoint, rounds, label_cutoff, last_label_cutoff, tags, note)
      SELECT number, id, spec, simulator_version, state, error, created_ms, weight, rollbacks, checkpoint, next_checkpoint, rounds,
-        label_cutoff, last_label_cutoff FROM source.campaigns WHERE number = ?1",
+        label_cutoff, last_label_cutoff, tags, note FROM source.campaigns WHERE number = ?1",
     "INSERT INTO generations SELECT * FROM source.generations WHERE campaign = ?1 ORDER BY generation",
     "INSERT INTO individual_chunks SELECT * FROM source.individual_chunks WHERE campaign = ?1 ORDER BY first",
     "INSERT INTO image_chunks SELECT * FROM source.image_chunks WHERE campaign = ?1 ORDER BY first",

@@ -170,7 +170,7 @@ impl Copied<'_> {
             target.execute(
                 "UPDATE campaigns SET id = ?2, spec = ?3, simulator_version = ?4, state = ?5, error = ?6, created_ms = ?7,
                     weight = ?8, rollbacks = ?9, checkpoint = ?10, next_checkpoint = ?11, rounds = ?12, label_cutoff = ?13,
-                    last_label_cutoff = ?14
+                    last_label_cutoff = ?14, tags = ?15, note = ?16
                  WHERE number = ?1",
                 params![
                     self.campaign,
@@ -187,6 +187,8 @@ impl Copied<'_> {
                     record.rounds.done,
                     record.rounds.current_cutoff.map(clamped),
                     clamped(record.rounds.last_cutoff),
+                    record.notes.tags.to_string(),
+                    record.notes.note.as_str(),
                 ],
             )?;
             Ok(true)

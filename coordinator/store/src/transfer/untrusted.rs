@@ -196,7 +196,8 @@ fn check_rows(store: &Store) -> Result<(), Unsound> {
     expect_none(
         store,
         "campaigns",
-        "octet_length(id) + octet_length(state) + octet_length(error) + octet_length(simulator_version) > 16384
+        "octet_length(id) + octet_length(state) + octet_length(error) + octet_length(simulator_version)
+                + octet_length(tags) + octet_length(note) > 32768
             OR octet_length(spec) > 1048576 OR octet_length(study) > 0 OR request IS NOT NULL
             OR min(created_ms, weight, decisions, rollbacks, rounds, last_label_cutoff) < 0 OR label_cutoff < 0 OR ended_ms < 0",
     )?;

@@ -45,7 +45,8 @@ function apply() {
   for (const box of list.querySelectorAll(".choose")) {
     if (box.checked !== chosen.has(box.value)) box.checked = chosen.has(box.value);
   }
-  const filters = Boolean(new URLSearchParams(location.search).get("words") || new URLSearchParams(location.search).get("state"));
+  const asked = new URLSearchParams(location.search);
+  const filters = ["words", "state", "tag"].some((name) => asked.get(name));
   for (const study of list.querySelectorAll("li.study")) {
     const details = study.querySelector("details");
     const open = filters || unfolded.has(study.id);

@@ -174,7 +174,7 @@ fn state(status: &CampaignStatus) -> State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_model::CampaignHead;
+    use murmuration_model::{CampaignHead, CampaignNotes};
     use std::time::Duration;
 
     #[test]
@@ -194,6 +194,7 @@ mod tests {
             head: CampaignHead {
                 id: format!("one-{number}").parse().unwrap(),
                 study: None,
+                notes: CampaignNotes::default(),
                 state,
                 opening: String::new(),
             },

@@ -5,6 +5,7 @@ use murmuration_proto::v1;
 use murmuration_swarm::CampaignSpec;
 use murmuration_tests::{Cluster, small_spec};
 use reqwest::StatusCode;
+use tonic::Code;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_new_campaign_says_what_it_costs_or_what_is_wrong_before_it_starts() {
@@ -137,6 +138,71 @@ async fn a_long_list_comes_in_parts_and_is_whole() {
     let listed = cluster.campaigns().await;
     let ids: Vec<_> = listed.into_iter().map(|campaign| campaign.id).collect();
     assert_eq!(ids, created);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tags_and_notes_are_written_on_a_page_and_found_in_the_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let noted = cluster.create(&small_spec("")).await;
+    let other = cluster.create(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let own = Some(browser.url.clone());
+    let form = format!("/campaigns/{noted}/notes");
+    let change = [
+        ("former", ""),
+        ("tags", "paper, baseline"),
+        ("note", "First\r\n<b>second</b>"),
+    ];
+    let saved = browser.post(&form, &change, own.as_deref()).await;
+    assert_eq!(
+        saved.headers()["location"],
+        format!("/campaigns/{noted}").as_str()
+    );
+    // Another person has seen the campaign without its tags, and adds one.
+    let later = [
+        ("former", ""),
+        ("tags", "later"),
+        ("note", "First\n<b>second</b>"),
+    ];
+    browser.post(&form, &later, own.as_deref()).await;
+    let status = cluster.status(&noted).await;
+    assert_eq!(
+        (status.tags, status.note.as_str()),
+        (
+            vec!["baseline".to_owned(), "later".to_owned(), "paper".to_owned()],
+            "First\n<b>second</b>"
+        )
+    );
+    let page = browser.page(&format!("/campaigns/{noted}")).await;
+    assert!(page.contains("First\n&lt;b&gt;second&lt;/b&gt;</p>"), "{page}");
+    let line = |id: &str| format!("id=\"line-{id}\"");
+    for (query, found) in [
+        ("", true),
+        ("?tag=paper", false),
+        ("?words=SECOND", false),
+        ("?words=later", false),
+    ] {
+        let list = browser.page(&format!("/{query}")).await;
+        assert!(list.contains(&line(&noted)), "{query}: {list}");
+        assert_eq!(list.contains(&line(&other)), found, "{query}: {list}");
+        assert!(list.contains("&amp;tag=baseline&amp;"), "{list}");
+    }
+    let refused = [("former", "paper"), ("tags", "a/b"), ("note", "")];
+    let refused = browser.post(&form, &refused, own.as_deref()).await;
+    assert_eq!(refused.status(), StatusCode::BAD_REQUEST);
+    let many: Vec<String> = (0..15).map(|number| format!("t{number}")).collect();
+    let request = v1::NoteCampaignRequest {
+        campaign: noted.clone(),
+        add_tags: many,
+        ..v1::NoteCampaignRequest::default()
+    };
+    let error = cluster.client.note_campaign(request).await.unwrap_err();
+    assert_eq!(
+        (error.code(), error.message()),
+        (Code::InvalidArgument, "tags = 18 tags: must be at most 16")
+    );
     cluster.stop().await;
 }
 

@@ -259,8 +259,8 @@ impl GeneratedCampaign {
                 };
                 transaction.execute(
                     "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms, rollbacks, checkpoint,
-                        next_checkpoint, rounds, last_label_cutoff, decisions, study, request)
-                     VALUES (7, 'case-7', ?1, ?2, ?3, '', 1700000000000, 1, ?4, ?5, ?6, ?7, 5, 'study', 'request')",
+                        next_checkpoint, rounds, last_label_cutoff, decisions, study, request, tags, note)
+                     VALUES (7, 'case-7', ?1, ?2, ?3, '', 1700000000000, 1, ?4, ?5, ?6, ?7, 5, 'study', 'request', 'a b', 'Note')",
                     params![
                         spec.to_toml(),
                         SIMULATOR_VERSION,

@@ -295,6 +295,7 @@ fn values_of_another_length_or_range_are_refused_before_they_are_read() {
         ("campaigns", "created_ms = -77"),
         ("campaigns", "rollbacks = -5"),
         ("campaigns", "label_cutoff = -3"),
+        ("campaigns", "note = printf('%.40000c', 'x')"),
         ("checkpoints", "created_ms = -5"),
         ("generations", "filtered = -1"),
         ("generations", "filtered = 9223372036854775807"),
@@ -333,6 +334,11 @@ fn values_that_no_campaign_has_are_named() {
             "rows of taxonomies = 1: must be 0",
         ),
         ("UPDATE campaigns SET weight = 0", "weight"),
+        ("UPDATE campaigns SET tags = 'a <b>'", "tag = \"<b>\""),
+        (
+            "UPDATE campaigns SET note = printf('%.5000c', 'x')",
+            "note = 5,000 characters",
+        ),
         ("UPDATE campaigns SET spec = 'model = 5'", "model"),
         (
             "UPDATE campaigns SET simulator_version = '0'",

@@ -124,6 +124,11 @@ fn a_full_campaign_comes_with_everything() {
     assert_eq!(there, back);
     assert_eq!((there.checkpoints.len(), there.members.len()), (2, 8));
     assert!(there.taxonomy.is_some() && there.log.len() > 5);
+    let notes = &there.campaign.record.notes;
+    assert_eq!(
+        (notes.tags.to_string().as_str(), notes.note.as_str()),
+        ("a b", "Note")
+    );
 }
 
 #[test]

@@ -1,0 +1,84 @@
+//! The tags and the note of a campaign: chips that filter the list of campaigns, and the form that changes both.
+
+use super::{Web, asked::Form, found::Wanted, page_error::PageError};
+use axum::{
+    extract::{Path, State},
+    response::Redirect,
+};
+use maud::{Markup, html};
+use murmuration_model::{CampaignRecord, Note, NotesChange, Tag, Tags};
+use serde::Deserialize;
+use std::collections::BTreeSet;
+
+/// Links to the lists of campaigns with these tags, which are otherwise as `wanted`.
+pub(super) fn chips(tags: &Tags, wanted: &Wanted) -> Markup {
+    let list = |tag: &Tag| {
+        let wanted = Wanted {
+            tag: tag.to_string(),
+            ..wanted.clone()
+        };
+        wanted.address("/", 0)
+    };
+    html! {
+        @if !tags.is_empty() {
+            ul.tags aria-label="Tags" { @for tag in tags.iter() { li { a.tag href=(list(tag)) { (tag) } } } }
+        }
+    }
+}
+
+/// The tags and the note on a campaign's page, with the form that changes them.
+pub(super) fn section(record: &CampaignRecord) -> Markup {
+    let notes = &record.notes;
+    html! {
+        section.notes aria-label="Tags and note" {
+            (chips(&notes.tags, &Wanted::default()))
+            @if !notes.note.as_str().is_empty() { p.note { (notes.note.as_str()) } }
+            details {
+                summary { "Change tags and note" }
+                form #notes method="post" action={ "/campaigns/" (record.id) "/notes" } {
+                    input type="hidden" name="former" value=(notes.tags);
+                    label for="tags" { "Tags" }
+                    input #tags name="tags" value=(notes.tags) autocomplete="off" spellcheck="false" aria-describedby="tags-hint";
+                    p.reason #tags-hint { "At most " (Tags::MOST) " words of at most " (Tag::MOST) " characters, with spaces between them." }
+                    label for="note" { "Note" }
+                    textarea #note name="note" rows="4" maxlength=(Note::MOST) { (notes.note.as_str()) }
+                    button { "Save" }
+                }
+            }
+        }
+    }
+}
+
+/// The form's fields.
+#[derive(Debug, Deserialize)]
+pub(super) struct Noted {
+    /// The tags that the page showed: the request removes only those of them that the person removed, so that tags which others
+    /// have added since stay.
+    former: String,
+    tags: String,
+    note: String,
+}
+
+impl TryFrom<Noted> for NotesChange {
+    type Error = PageError;
+
+    fn try_from(noted: Noted) -> Result<Self, PageError> {
+        let [former, wanted] = [&noted.former, &noted.tags].map(|tags| tags.parse::<Tags>());
+        let [former, wanted]: [BTreeSet<Tag>; 2] =
+            [former?, wanted?].map(|tags| tags.iter().cloned().collect());
+        Ok(Self {
+            add: &wanted - &former,
+            remove: &former - &wanted,
+            note: Some(noted.note.parse()?),
+        })
+    }
+}
+
+pub(super) async fn change(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Form(noted): Form<Noted>,
+) -> Result<Redirect, PageError> {
+    let noted = web.campaigns.note(&id, noted.try_into()?).await?;
+    Ok(Redirect::to(&format!("/campaigns/{}", noted.record.id)))
+}
