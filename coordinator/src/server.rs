@@ -281,6 +281,7 @@ impl Coordinator {
             reports: Reports::default(),
             sights: Recent::default(),
             heads: Recent::default(),
+            scalars: Recent::default(),
             atlas: DrawnAtlas::default(),
             measured: Measurements::default(),
             starts: FurtherStarts::default(),

@@ -39,6 +39,7 @@ mod rollback;
 mod round_pictures;
 mod rounds;
 mod runs;
+mod scalars;
 mod schema;
 mod studies;
 mod taxonomies;

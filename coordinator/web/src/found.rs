@@ -2,10 +2,12 @@
 //! campaigns.
 
 use murmuration_engine::campaign::ListedCampaign;
-use murmuration_model::{CampaignId, CampaignState};
-use murmuration_swarm::{CampaignName, Invalid, counted};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use murmuration_model::{CampaignId, CampaignState, Scalar};
+use murmuration_swarm::{CampaignName, Invalid, counted, text::quoted};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    str::FromStr,
+};
 
 /// Maximum number of lines of a page, and of campaigns of a study on a page.
 const MOST: usize = 50;
@@ -22,8 +24,7 @@ pub(super) const STATES: [&str; 7] = [
 ];
 
 /// The order of the list's lines.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum Order {
     #[default]
     Newest,
@@ -32,48 +33,50 @@ pub(super) enum Order {
     Name,
     /// By the place of the state in [`STATES`], newest first among equal states.
     State,
+    /// By a scalar, highest first. Campaigns without the scalar come last, also in the reversed order.
+    By(Scalar),
 }
 
-/// The orders with their names on the page.
-pub(super) const ORDERS: [(Order, &str); 4] = [
-    (Order::Newest, "newest"),
-    (Order::Oldest, "oldest"),
-    (Order::Name, "name"),
-    (Order::State, "state"),
-];
-
 impl Order {
-    /// The name in the address.
-    pub(super) fn name(self) -> &'static str {
-        ORDERS
-            .iter()
-            .find(|(order, _)| *order == self)
-            .map_or("", |(_, name)| *name)
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let others = [Self::Newest, Self::Oldest, Self::Name, Self::State];
+        others.into_iter().chain(Scalar::ALL.map(Self::By))
     }
 
-    /// Sorts campaigns, which are sorted newest first.
-    fn sort(self, newest_first: &mut [&ListedCampaign]) {
-        let name = |listed: &&ListedCampaign| {
-            let id = listed.head.id.as_str();
-            let name = id.rsplit_once('-').map_or(id, |(name, _)| name);
-            name.to_lowercase()
-        };
-        let state = |listed: &&ListedCampaign| {
-            let word = state_word(listed);
-            STATES.iter().position(|state| *state == word)
-        };
+    /// The name in the address.
+    pub(super) const fn name(self) -> &'static str {
         match self {
-            Self::Newest => {}
-            Self::Oldest => newest_first.reverse(),
-            Self::Name => newest_first.sort_by_key(name),
-            Self::State => newest_first.sort_by_key(state),
+            Self::Newest => "newest",
+            Self::Oldest => "oldest",
+            Self::Name => "name",
+            Self::State => "state",
+            Self::By(scalar) => scalar.name(),
+        }
+    }
+
+    /// The name on the page.
+    pub(super) fn title(self) -> String {
+        match self {
+            Self::By(scalar) => scalar.title(),
+            other => other.name().to_owned(),
         }
     }
 }
 
+impl FromStr for Order {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let known = Self::all().find(|order| order.name() == text);
+        known.ok_or_else(|| {
+            let names: Vec<&str> = Self::all().map(Self::name).collect();
+            Invalid::new("order", quoted(text), format!("one of {}", names.join(", ")))
+        })
+    }
+}
+
 /// The parameters of the list's address; an empty field does not filter.
-#[derive(Debug, Clone, Default, Deserialize, Serialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Wanted {
     /// Words to find in the id, the state, the study, the tags, the note or the first lines of the specification of a campaign.
     pub(super) words: Words,
@@ -84,13 +87,47 @@ pub(super) struct Wanted {
     /// The study whose campaigns are wanted; the list then has one line for each campaign of the study.
     pub(super) study: String,
     pub(super) order: Order,
+    /// Whether the order is reversed.
+    pub(super) reversed: bool,
+    /// Scalars that the list shows.
+    pub(super) shown: BTreeSet<Scalar>,
     /// The number of the page, from 0.
     pub(super) page: usize,
 }
 
+impl TryFrom<Vec<(String, String)>> for Wanted {
+    type Error = Invalid;
+
+    /// Reads the parameters of an address. Unknown parameters are ignored.
+    fn try_from(parameters: Vec<(String, String)>) -> Result<Self, Invalid> {
+        let mut wanted = Self::default();
+        for (name, value) in parameters {
+            match name.as_str() {
+                "words" => wanted.words = value.try_into()?,
+                "state" => wanted.state = value,
+                "tag" => wanted.tag = value,
+                "study" => wanted.study = value,
+                "order" => wanted.order = value.parse()?,
+                "reversed" => wanted.reversed = true,
+                "show" => {
+                    wanted.shown.insert(value.parse()?);
+                }
+                "page" => {
+                    let page = value.parse();
+                    wanted.page = page.map_err(|_| Invalid::new("page", quoted(&value), "a whole number"))?;
+                }
+                _ => {}
+            }
+        }
+        Ok(wanted)
+    }
+}
+
+/// A scalar of the campaigns that have it.
+pub(super) type Values = HashMap<CampaignId, f64>;
+
 /// Words to find, at most [`MOST_CHARACTERS`] characters: every campaign is searched for every word.
-#[derive(Debug, Clone, Default, Deserialize, Serialize)]
-#[serde(try_from = "String", into = "String")]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Words(String);
 
 /// Maximum length of the words to find.
@@ -110,12 +147,6 @@ impl TryFrom<String> for Words {
             value,
             format!("at most {MOST_CHARACTERS} characters"),
         ))
-    }
-}
-
-impl From<Words> for String {
-    fn from(Words(words): Words) -> Self {
-        words
     }
 }
 
@@ -157,24 +188,62 @@ impl Wanted {
             .any(|asked| !asked.trim().is_empty())
     }
 
-    /// The address of a page of the results.
-    pub(super) fn address(&self, path: &str, page: usize) -> String {
-        let wanted = Self { page, ..self.clone() };
-        match serde_urlencoded::to_string(wanted) {
-            Ok(query) => format!("{path}?{query}"),
-            Err(_) => path.to_owned(),
+    /// The same order and scalars, of all campaigns.
+    pub(super) fn unfiltered(&self) -> Self {
+        Self {
+            order: self.order,
+            reversed: self.reversed,
+            shown: self.shown.clone(),
+            ..Self::default()
         }
     }
 
-    /// The wanted page of `campaigns`, which are sorted oldest first.
-    pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
+    /// The scalars that the list shows: the chosen ones, and the one by which it is sorted. Every line has the duration anyway.
+    pub(super) fn scalars(&self) -> Vec<Scalar> {
+        let sorted = match self.order {
+            Order::By(scalar) => Some(scalar),
+            _ => None,
+        };
+        let shown: BTreeSet<Scalar> = self.shown.iter().copied().chain(sorted).collect();
+        shown
+            .into_iter()
+            .filter(|scalar| *scalar != Scalar::Duration)
+            .collect()
+    }
+
+    /// The address of a page of the results. Parameters with their default values are left out.
+    pub(super) fn address(&self, path: &str, page: usize) -> String {
+        let page = page.to_string();
+        let single = [
+            ("words", self.words.as_str(), ""),
+            ("state", &self.state, ""),
+            ("tag", &self.tag, ""),
+            ("study", &self.study, ""),
+            ("order", self.order.name(), Order::default().name()),
+            ("reversed", if self.reversed { "yes" } else { "" }, ""),
+            ("page", &page, "0"),
+        ];
+        let single = single.into_iter().filter(|(_, value, default)| value != default);
+        let shown = self.shown.iter().map(|scalar| ("show", scalar.name()));
+        let pairs: Vec<_> = single
+            .map(|(name, value, _)| (name, value))
+            .chain(shown)
+            .collect();
+        match serde_urlencoded::to_string(pairs) {
+            Ok(query) if !query.is_empty() => format!("{path}?{query}"),
+            _ => path.to_owned(),
+        }
+    }
+
+    /// The wanted page of `campaigns`, which are sorted oldest first. `values` has the scalar of the order, if it is one.
+    pub(super) fn of(&self, campaigns: &[ListedCampaign], values: &Values) -> Found {
         let words = self.words.0.to_lowercase();
         let words: Vec<&str> = words.split_whitespace().collect();
         let newest_first = campaigns.iter().rev();
         let mut matching: Vec<_> = newest_first
             .filter(|listed| self.matches(&words, listed))
             .collect();
-        self.order.sort(&mut matching);
+        self.sort(&mut matching, values);
         let lines = self.lines(&matching);
         let pages = lines.len().div_ceil(MOST).max(1);
         let first = self.page.min(pages - 1) * MOST;
@@ -183,6 +252,37 @@ impl Wanted {
             matching: matching.len(),
             all: campaigns.len(),
             pages,
+        }
+    }
+
+    /// Sorts campaigns, which are sorted newest first.
+    fn sort(&self, newest_first: &mut [&ListedCampaign], values: &Values) {
+        let name = |listed: &&ListedCampaign| {
+            let id = listed.head.id.as_str();
+            let name = id.rsplit_once('-').map_or(id, |(name, _)| name);
+            name.to_lowercase()
+        };
+        let state = |listed: &&ListedCampaign| {
+            let word = state_word(listed);
+            STATES.iter().position(|state| *state == word)
+        };
+        match self.order {
+            Order::Newest => {}
+            Order::Oldest => newest_first.reverse(),
+            Order::Name => newest_first.sort_by_key(name),
+            Order::State => newest_first.sort_by_key(state),
+            Order::By(_) => {
+                let value = |listed: &&ListedCampaign| values.get(&listed.head.id);
+                newest_first.sort_by(|one, other| match (value(one), value(other)) {
+                    (Some(one), Some(other)) if self.reversed => one.total_cmp(other),
+                    (Some(one), Some(other)) => other.total_cmp(one),
+                    (one, other) => other.is_some().cmp(&one.is_some()),
+                });
+                return;
+            }
+        }
+        if self.reversed {
+            newest_first.reverse();
         }
     }
 
@@ -303,7 +403,7 @@ mod tests {
                 order,
                 ..Wanted::default()
             };
-            let ids = wanted.of(&campaigns).ids();
+            let ids = wanted.of(&campaigns, &Values::new()).ids();
             ids.iter().map(ToString::to_string).collect::<Vec<_>>()
         };
         assert_eq!(ids(Order::Newest), ["Aardvark-3", "alone-2", "alone-1"]);
@@ -317,17 +417,20 @@ mod tests {
         let campaigns: Vec<_> = (1..=10_000)
             .map(|number| listed(number, "", CampaignState::Completed))
             .collect();
-        let last = wanted("", "", "", 199).of(&campaigns);
+        let last = wanted("", "", "", 199).of(&campaigns, &Values::new());
         assert_eq!((last.pages, last.matching, last.lines.len()), (200, 10_000, MOST));
         assert_eq!(
             last.lines.last(),
             Some(&Line::Campaign("alone-1".parse().unwrap()))
         );
-        let beyond = wanted("", "", "", 1_000).of(&campaigns);
+        let beyond = wanted("", "", "", 1_000).of(&campaigns, &Values::new());
         assert_eq!(beyond, last);
-        let few = wanted("LATENT alone-77", "completed", "", 0).of(&campaigns);
+        let few = wanted("LATENT alone-77", "completed", "", 0).of(&campaigns, &Values::new());
         assert_eq!((few.matching, few.all, few.pages), (111, 10_000, 3));
-        assert_eq!(wanted("", "running", "", 0).of(&campaigns).lines, []);
+        assert_eq!(
+            wanted("", "running", "", 0).of(&campaigns, &Values::new()).lines,
+            []
+        );
     }
 
     #[test]
@@ -337,13 +440,13 @@ mod tests {
             .collect();
         campaigns.push(listed(61, "", CampaignState::Running));
         campaigns.push(listed(62, "mini", CampaignState::Running));
-        let folded = wanted("", "", "", 0).of(&campaigns);
+        let folded = wanted("", "", "", 0).of(&campaigns, &Values::new());
         let [Line::Study { cells, states, .. }, Line::Campaign(_)] = &folded.lines[..] else {
             panic!("{folded:?}");
         };
         assert_eq!((cells.len(), cells[0].as_str()), (MOST, "mini-62"));
         assert_eq!(states, &BTreeMap::from([("paused", 60), ("running", 1)]));
-        let unfolded = wanted("", "", "mini", 1).of(&campaigns);
+        let unfolded = wanted("", "", "mini", 1).of(&campaigns, &Values::new());
         assert_eq!((unfolded.lines.len(), unfolded.pages), (11, 2));
     }
 
@@ -356,7 +459,7 @@ mod tests {
         campaigns[1].head.notes.tags = "base".parse().unwrap();
         campaigns[2].head.notes.note = "As the Baseline, with noise".parse().unwrap();
         let ids = |wanted: Wanted| -> Vec<String> {
-            let ids = wanted.of(&campaigns).ids();
+            let ids = wanted.of(&campaigns, &Values::new()).ids();
             ids.iter().map(ToString::to_string).collect()
         };
         let tagged = |tag: &str, words: &str| Wanted {
@@ -378,11 +481,53 @@ mod tests {
     }
 
     #[test]
+    fn campaigns_without_a_scalar_come_last_in_both_directions() {
+        let campaigns: Vec<_> = (1..=4)
+            .map(|number| listed(number, "", CampaignState::Completed))
+            .collect();
+        let values = [(1, 0.5), (3, 2.0), (4, 0.5)];
+        let values: Values = values
+            .map(|(number, value)| (campaigns[number - 1].head.id.clone(), value))
+            .into();
+        let ids = |reversed| {
+            let wanted = Wanted {
+                order: Order::By(Scalar::Loss),
+                reversed,
+                ..Wanted::default()
+            };
+            let ids = wanted.of(&campaigns, &values).ids();
+            ids.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(ids(false), ["alone-3", "alone-4", "alone-1", "alone-2"]);
+        assert_eq!(ids(true), ["alone-4", "alone-1", "alone-3", "alone-2"]);
+    }
+
+    #[test]
+    fn the_list_shows_the_scalars_that_people_choose_and_sort_by() {
+        let wanted = |order| Wanted {
+            order,
+            shown: [Scalar::Loss, Scalar::Clusters].into(),
+            ..Wanted::default()
+        };
+        let shown = [Scalar::Clusters, Scalar::Loss];
+        assert_eq!(wanted(Order::Newest).scalars(), shown);
+        assert_eq!(wanted(Order::By(Scalar::Loss)).scalars(), shown);
+        assert_eq!(wanted(Order::By(Scalar::Duration)).scalars(), shown);
+        let more = [Scalar::Evaluations, Scalar::Clusters, Scalar::Loss];
+        assert_eq!(wanted(Order::By(Scalar::Evaluations)).scalars(), more);
+    }
+
+    #[test]
     fn an_address_keeps_what_is_wanted() {
-        let address = wanted("a b", "paused", "", 0).address("/", 2);
-        assert_eq!(
-            address,
-            "/?words=a+b&state=paused&tag=&study=&order=newest&page=2"
-        );
+        assert_eq!(Wanted::default().address("/", 0), "/");
+        let all =
+            "words=a+b&state=paused&tag=x&study=mini&order=loss&reversed=yes&page=2&show=clusters&show=loss";
+        let pairs: Vec<(String, String)> = serde_urlencoded::from_str(all).unwrap();
+        let wanted = Wanted::try_from(pairs).unwrap();
+        assert_eq!(wanted.address("/", 2), format!("/?{all}"));
+        for (name, value) in [("page", "-1"), ("order", "best"), ("show", "x")] {
+            let refused = Wanted::try_from(vec![(name.to_owned(), value.to_owned())]);
+            assert!(refused.unwrap_err().to_string().contains(value), "{name}");
+        }
     }
 }

@@ -60,11 +60,12 @@ use murmuration_access::{
 };
 use murmuration_engine::campaign::ListedCampaign;
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
+use murmuration_model::CampaignId;
 use murmuration_service::{CampaignApi, LabelApi, Recent, blame_the_client};
 use murmuration_store::Store;
 use page_error::PageError;
 pub use play::Playground;
-use std::sync::Arc;
+use std::{collections::HashMap, sync::Arc};
 pub use studies::Studies;
 pub use taxonomy::{FurtherStarts, Measurements, Reports};
 use tonic::{Status, service::Routes};
@@ -90,6 +91,8 @@ pub struct Web {
     pub sights: Recent<String>,
     /// The list of campaigns that searches share.
     pub heads: Recent<Arc<Vec<ListedCampaign>>>,
+    /// Values of the scalars by which lists are sorted, by the scalar's name.
+    pub scalars: Recent<Arc<HashMap<CampaignId, f64>>>,
     pub atlas: DrawnAtlas,
     /// Measurements of taxonomies.
     pub measured: Measurements,

@@ -4,7 +4,7 @@ use super::{
     Web, archived,
     asked::Query,
     delete,
-    found::{Line, ORDERS, STATES, Wanted},
+    found::{Line, Order, STATES, Values, Wanted},
     glossary::term,
     layout::layout_with,
     notes,
@@ -17,8 +17,8 @@ use super::{
 use axum::{extract::State, response::Redirect};
 use maud::{Markup, html};
 use murmuration_engine::{blocking::in_background, campaign::CampaignStatus};
-use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
-use murmuration_swarm::{CampaignName, counted, grouped};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Scalar};
+use murmuration_swarm::{CampaignName, counted, figure, grouped};
 use std::{
     collections::BTreeMap,
     sync::Arc,
@@ -27,9 +27,10 @@ use std::{
 
 pub(super) async fn page(
     State(web): State<Web>,
-    Query(wanted): Query<Wanted>,
+    Query(parameters): Query<Vec<(String, String)>>,
     visitor: Visitor,
 ) -> Result<Markup, PageError> {
+    let wanted = Wanted::try_from(parameters)?;
     let table = table(&web, &wanted, Duration::ZERO).await?;
     Ok(layout_with(
         "Campaigns",
@@ -54,13 +55,15 @@ pub(super) async fn page(
                 }
                 label { "Sort by "
                     select #order name="order" {
-                        @for (order, name) in ORDERS { option value=(order.name()) selected[wanted.order == order] { (name) } }
+                        @for order in Order::all() { option value=(order.name()) selected[wanted.order == order] { (order.title()) } }
                     }
                 }
+                label { input name="reversed" type="checkbox" value="yes" checked[wanted.reversed]; " reversed" }
                 @for (name, value) in [("tag", &wanted.tag), ("study", &wanted.study)] {
                     @if !value.is_empty() { input type="hidden" name=(name) value=(value); }
                 }
                 button.plain { "Find" }
+                (choice(&wanted))
             }
             section aria-label="Campaigns" data-live=(wanted.address("/events", wanted.page)) { (table) }
             form #compare.comparing method="get" action="/compare" {
@@ -79,19 +82,21 @@ pub(super) async fn table(web: &Web, wanted: &Wanted, age: Duration) -> Result<M
     let campaigns = heads
         .within(age, async { web.campaigns.heads().await.map(Arc::new) })
         .await?;
+    let values = values(web, wanted.order, age).await?;
     let of = wanted.clone();
-    let found = in_background(move |_| of.of(&campaigns)).await?;
+    let found = in_background(move |_| of.of(&campaigns, &values)).await?;
     let statuses = web.campaigns.statuses(found.ids()).await?;
+    let (ids, shown) = (found.ids(), wanted.scalars());
+    let scalars = web.store.run(move |store| store.scalars(&ids, &shown)).await?;
     let by_id: BTreeMap<&str, &CampaignStatus> = statuses
         .iter()
         .map(|status| (status.record.id.as_str(), status))
         .collect();
-    let line_of =
-        |id: &CampaignId| html! { @if let Some(status) = by_id.get(id.as_str()) { (line(status, wanted)) } };
+    let line_of = |id: &CampaignId| html! { @if let Some(status) = by_id.get(id.as_str()) { (line(status, wanted, scalars.get(id))) } };
     Ok(html! {
         p.reason #shown {
             @if !wanted.tag.is_empty() { "With the tag " strong { (wanted.tag) } ": " }
-            @if wanted.filters() { (grouped(found.matching as u64)) " of " (grouped(found.all as u64)) " shown. " a href="/" { "Show all" } }
+            @if wanted.filters() { (grouped(found.matching as u64)) " of " (grouped(found.all as u64)) " shown. " a href=(wanted.unfiltered().address("/", 0)) { "Show all" } }
         }
         @if found.all == 0 {
             p { "There are no campaigns yet. " a href="/new" { "Start one" } "." }
@@ -111,15 +116,58 @@ pub(super) async fn table(web: &Web, wanted: &Wanted, age: Duration) -> Result<M
     })
 }
 
+/// The values of the scalar that the order needs; empty if the order needs none. All searches share values that are at most `age`
+/// old.
+async fn values(web: &Web, order: Order, age: Duration) -> Result<Arc<Values>, PageError> {
+    let Order::By(scalar) = order else {
+        return Ok(Arc::default());
+    };
+    let values = web.scalars.follow(order.name().to_owned());
+    let read = async {
+        web.store
+            .run(move |store| store.scalar(scalar))
+            .await
+            .map(Arc::new)
+    };
+    Ok(values.within(age, read).await?)
+}
+
+/// The folded boxes that choose the scalars of the list.
+fn choice(wanted: &Wanted) -> Markup {
+    html! {
+        details.choice {
+            summary { "Numbers" }
+            fieldset {
+                legend.unseen { "Numbers to show" }
+                @for scalar in Scalar::ALL.into_iter().filter(|scalar| *scalar != Scalar::Duration) {
+                    label { input name="show" type="checkbox" value=(scalar.name()) checked[wanted.shown.contains(&scalar)]; " " (scalar.title()) }
+                }
+            }
+        }
+    }
+}
+
+/// The value of a scalar as text.
+fn shown(scalar: Scalar, value: f64) -> String {
+    match scalar {
+        Scalar::Evaluations | Scalar::Generations | Scalar::Clusters | Scalar::LabelEntries => {
+            grouped(value as u64)
+        }
+        Scalar::BestNovelty | Scalar::MeanNovelty | Scalar::Loss => figure(value),
+        Scalar::Accuracy => format!("{:.1} %", 100.0 * value),
+        Scalar::Duration => duration(value as u64),
+    }
+}
+
 /// Links to the other pages of the list; empty if the list has only one page.
 fn pages(wanted: &Wanted, pages: usize) -> Markup {
     let page = wanted.page.min(pages - 1);
     html! {
         @if pages > 1 {
             nav.pages aria-label="Pages of the list" {
-                @if page > 0 { a href=(wanted.address("/", page - 1)) { "Newer" } }
+                @if page > 0 { a href=(wanted.address("/", page - 1)) { "Previous" } }
                 span { "Page " (page + 1) " of " (grouped(pages as u64)) }
-                @if page + 1 < pages { a href=(wanted.address("/", page + 1)) { "Older" } }
+                @if page + 1 < pages { a href=(wanted.address("/", page + 1)) { "Next" } }
             }
         }
     }
@@ -150,7 +198,7 @@ fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, c
     }
 }
 
-fn line(status: &CampaignStatus, wanted: &Wanted) -> Markup {
+fn line(status: &CampaignStatus, wanted: &Wanted, values: Option<&Vec<Option<f64>>>) -> Markup {
     let record = &status.record;
     let id = record.id.as_str();
     html! {
@@ -166,6 +214,13 @@ fn line(status: &CampaignStatus, wanted: &Wanted) -> Markup {
             }
             (progress(status))
             div { (delete::menu(record)) }
+            @if let Some(values) = values.filter(|values| !values.is_empty()) {
+                dl.scalars {
+                    @for (scalar, value) in wanted.scalars().into_iter().zip(values) {
+                        div { dt { (scalar.title()) } dd { (value.map_or_else(|| "–".to_owned(), |value| shown(scalar, value))) } }
+                    }
+                }
+            }
         }
     }
 }

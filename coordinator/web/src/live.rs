@@ -31,13 +31,17 @@ pub(super) type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream
 
 pub(super) async fn campaigns(
     State(web): State<Web>,
-    Query(wanted): Query<Wanted>,
+    Query(parameters): Query<Vec<(String, String)>>,
 ) -> Result<Events, PageError> {
+    let wanted = Wanted::try_from(parameters)?;
     let sights = web.sights.follow(format!("campaigns {wanted:?}"));
     // Kept while this page follows, so that the pages of all searches share one list.
-    let heads = web.heads.follow(String::new());
+    let kept = (
+        web.heads.follow(String::new()),
+        web.scalars.follow(wanted.order.name().to_owned()),
+    );
     let look = move || {
-        let (web, wanted, _heads) = (web.clone(), wanted.clone(), heads.clone());
+        let (web, wanted, _kept) = (web.clone(), wanted.clone(), kept.clone());
         async move { Ok::<_, PageError>(list::table(&web, &wanted, INTERVAL).await?.into_string()) }
     };
     Ok(follow(sights, look))

@@ -29,12 +29,34 @@ pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
     };
     let cell = scene.cluster.client.create_campaign(request).await.unwrap();
     scene.cluster.finish(&cell.into_inner().id).await;
+    let notes = v1::NoteCampaignRequest {
+        campaign: "second-2".to_owned(),
+        add_tags: vec!["paper".to_owned(), "with-noise".to_owned()],
+        note: Some("Repeat with more noise\nand with 48 robots".to_owned()),
+        ..v1::NoteCampaignRequest::default()
+    };
+    scene.cluster.client.note_campaign(notes).await.unwrap();
     let window = driver.open(&scene.cluster.url()).await;
     let shown = "[...document.querySelectorAll('.listed')].filter((line) => line.checkVisibility()).length";
     // The study with the cell is folded.
     window.until(&format!("{shown} === 2")).await;
     window.click(".study summary").await;
     window.until(&format!("{shown} === 3")).await;
+    window.click(".tag").await;
+    window.until(&format!("{shown} === 1")).await;
+    assert_eq!(
+        window.text("#shown").await,
+        "With the tag paper: 1 of 3 shown. Show all"
+    );
+    window.click("#shown a").await;
+    window.until(&format!("{shown} === 3")).await;
+    window.click(".choice summary").await;
+    for scalar in ["evaluations", "clusters", "loss"] {
+        window.click(&format!(".choice [value='{scalar}']")).await;
+    }
+    window
+        .until("document.querySelectorAll('#line-second-2 .scalars dd').length === 3")
+        .await;
     window.click("#words").await;
     window.press("second").await;
     window.until(&format!("{shown} === 1")).await;
