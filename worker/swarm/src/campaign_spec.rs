@@ -20,6 +20,9 @@ use murmuration_proto::v1;
 pub struct CampaignName(String);
 
 impl CampaignName {
+    /// Maximum number of characters.
+    pub const MAX_LENGTH: usize = 64;
+
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
@@ -32,7 +35,7 @@ impl TryFrom<String> for CampaignName {
     fn try_from(name: String) -> Result<Self, Invalid> {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         // With a leading '-', a campaign's id would be read as an option.
-        if (1..=64).contains(&name.len()) && name.chars().all(fits) && !name.starts_with('-') {
+        if (1..=Self::MAX_LENGTH).contains(&name.len()) && name.chars().all(fits) && !name.starts_with('-') {
             return Ok(Self(name));
         }
         let allowed = "1 to 64 letters, digits, '-' and '_', not beginning with '-'";

@@ -21,6 +21,10 @@ pub struct ControllerSpace {
 /// How far a gene moves at most to a value near it, as a share of the limit of a speed or of the range of an angle.
 const NEAR: f64 = 0.2;
 
+/// Number of steps from one end of a gene's range to its other end, see [`GeneSpace::beside`]: a step of a speed is a tenth of its
+/// limit, as on the usual grid.
+const STEPS: f64 = 20.0;
+
 /// The values of one gene of a controller space.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GeneSpace {
@@ -119,6 +123,36 @@ impl ControllerSpace {
 }
 
 impl GeneSpace {
+    /// The values that a model allows for each gene, in the order of the genes. Speeds are continuous, and so are angles that have
+    /// a range.
+    #[must_use]
+    pub fn of_model(model: &CapabilityModel) -> Vec<Self> {
+        genes(model, 0, &[])
+    }
+
+    /// The values one step below and one step above `value`, without `value` itself. Speeds, and angles in a range, have
+    /// [`STEPS`] steps in their range; the step beyond an end of the range goes to this end. Of a list of angles, and of ratios,
+    /// the neighbours are one step away.
+    #[must_use]
+    pub fn beside(&self, value: f64) -> Vec<f64> {
+        let beside = match self {
+            Self::Speed { limit, .. } => steps_within(value, [-limit, *limit]).to_vec(),
+            Self::Within(range) => steps_within(value, *range).to_vec(),
+            Self::Among(angles) => {
+                let below = angles.iter().copied().filter(|angle| *angle < value);
+                let above = angles.iter().copied().filter(|angle| *angle > value);
+                let nearest = [below.max_by(f64::total_cmp), above.min_by(f64::total_cmp)];
+                nearest.into_iter().flatten().collect()
+            }
+            Self::Ratio(count) => {
+                let places = 0.0..*count as f64;
+                let neighbours = [value - 1.0, value + 1.0].into_iter();
+                neighbours.filter(|place| places.contains(place)).collect()
+            }
+        };
+        beside.into_iter().filter(|other| *other != value).collect()
+    }
+
     /// A uniform sample.
     pub fn sample(&self, stream: &mut RandomStream) -> f64 {
         match self {
@@ -218,6 +252,13 @@ impl GeneSpace {
             Self::Among(_) | Self::Within(_) | Self::Ratio(_) => 0.0,
         }
     }
+}
+
+/// The values one step below and above `value`, within a range. They are rounded, so that 0.7 - 0.1 is 0.6.
+fn steps_within(value: f64, [low, high]: [f64; 2]) -> [f64; 2] {
+    let step = (high - low) / STEPS;
+    let rounded = |value: f64| (value * 1e9).round() / 1e9;
+    [value - step, value + step].map(|value| rounded(value).clamp(low, high))
 }
 
 /// Checks the controllers that the first generation begins with.

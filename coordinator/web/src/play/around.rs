@@ -5,7 +5,6 @@
 use super::{
     super::page_error::Refused,
     address::{Parameters, Play},
-    knobs::{Knob, Values, knobs},
     motion::Watched,
     strictly,
 };
@@ -16,7 +15,8 @@ use murmuration_report::picture::{Bodies, trajectory_svg};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
 use murmuration_sim::moments::FEWEST_ROBOTS;
-use murmuration_swarm::{Controller, Invalid, Replay, Verdict, World, grouped};
+use murmuration_swarm::{Controller, GeneSpace, Invalid, Replay, Verdict, World, grouped};
+use std::iter;
 use tonic::Status;
 
 /// Maximum number of robot steps (steps times robots) of all swarms of a request: the usual ones come to about 500,000, which take
@@ -24,8 +24,6 @@ use tonic::Status;
 const MOST_ROBOT_STEPS: u64 = 2_000_000;
 /// Maximum number of robots. The time of a step and of the judge grows with the square of this number.
 const MOST_ROBOTS: u32 = 64;
-/// Number of steps from one end of a range to its other end: a step of a speed is a tenth of its limit, as in a campaign.
-const STEPS: f64 = 20.0;
 
 /// Number of steps whose paths are drawn, as the judge sees them, and the steps between two points of a path.
 const DRAWN_STEPS: u32 = 160;
@@ -87,8 +85,9 @@ fn neighbours(play: &Play) -> Vec<Neighbour> {
     let model = play.controller.model();
     let own = play.controller.genes();
     let mut neighbours = Vec::new();
-    for (gene, knob) in knobs(model).into_iter().enumerate() {
-        for value in beside(&knob, own[gene]) {
+    let named = iter::zip(model.gene_names(), GeneSpace::of_model(model));
+    for (gene, (name, values)) in named.enumerate() {
+        for value in values.beside(own[gene]) {
             let mut genes = own.to_vec();
             genes[gene] = value;
             // Each value is one of the gene's allowed values, so there is always such a controller.
@@ -101,46 +100,11 @@ fn neighbours(play: &Play) -> Vec<Neighbour> {
                     ..play.clone()
                 },
                 gene,
-                name: knob.name.clone(),
+                name: name.clone(),
             });
         }
     }
     neighbours
-}
-
-/// The values of a gene one step below and above a value.
-fn beside(knob: &Knob, own: f64) -> Vec<f64> {
-    let beside = match &knob.values {
-        Values::Within([low, high]) => {
-            let step = (high - low) / STEPS;
-            // Rounded, so that 0.7 - 0.1 is 0.6.
-            [-step, step]
-                .map(|way| ((own + way) * 1e9).round() / 1e9)
-                .map(|value| value.clamp(*low, *high))
-                .to_vec()
-        }
-        Values::Angles(angles) => {
-            let below = angles
-                .iter()
-                .copied()
-                .filter(|angle| *angle < own)
-                .max_by(f64::total_cmp);
-            let above = angles
-                .iter()
-                .copied()
-                .filter(|angle| *angle > own)
-                .min_by(f64::total_cmp);
-            below.into_iter().chain(above).collect()
-        }
-        Values::Ratios(ratios) => {
-            let allowed = 0.0..ratios.len() as f64;
-            [own - 1.0, own + 1.0]
-                .into_iter()
-                .filter(|place| allowed.contains(place))
-                .collect()
-        }
-    };
-    beside.into_iter().filter(|value| *value != own).collect()
 }
 
 /// Simulates a neighbour over the world's horizon.

@@ -165,7 +165,7 @@ pub(super) async fn search(
     check_cost(&play.world)?;
     // The seeds of campaigns have 63 bits.
     let seed = play.seed & i64::MAX as u64;
-    let spec = CampaignSpec::begun_with(&play.controller, &play.world, seed)?;
+    let spec = CampaignSpec::begun_around(&play.controller, &play.world, seed)?;
     let token = form.iter().find(|(name, _)| name == "request");
     let request = token.map(|(_, token)| request_of(token, &spec)).transpose()?;
     let new = NewCampaign {
