@@ -27,7 +27,7 @@ pub struct Clustered {
 /// The latest clusters of each campaign; cheap to clone.
 #[derive(Debug, Clone)]
 pub(super) struct Clusters {
-    spaces: Spaces,
+    pub(super) spaces: Spaces,
     /// One lock per campaign, so that concurrent requests cluster an archive only once.
     kept: Arc<Kept<Mutex<Option<Arc<Clustered>>>>>,
 }

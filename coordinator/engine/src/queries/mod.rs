@@ -10,6 +10,7 @@ mod leases;
 mod messages;
 mod open;
 mod ranking;
+mod unlike;
 
 pub use clusters::Clustered;
 pub use leases::AnnotatorSession;

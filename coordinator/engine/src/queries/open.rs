@@ -4,7 +4,7 @@ use super::{
     AnnotatorSession, Query, Reason,
     clusters::{self, Clustered, Clusters},
     leases::QueryLeases,
-    ranking,
+    ranking, unlike,
 };
 use crate::{
     blocking::{blocking, parallel, shared},
@@ -172,6 +172,24 @@ impl Queries {
     /// During a search, the clusters may belong to an archive up to a fifth smaller. Blocks while the archive is clustered.
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
         self.clusters.lately(record, &self.interrupt)
+    }
+
+    /// At most `count` individuals that are least like individual `index` and unlike each other: from the quarter of the archive
+    /// that is farthest from it, those farthest from each other. Empty if the archive's sample does not have the individual, or has
+    /// no other. Blocks while the archive is read.
+    pub fn unlike(
+        &self,
+        record: &CampaignRecord,
+        index: usize,
+        count: usize,
+        interrupt: &Interrupt,
+    ) -> Result<Vec<usize>, SpaceError> {
+        let space = self.clusters.spaces.of(record)?;
+        if index >= space.behaviours.len() {
+            return Ok(Vec::new());
+        }
+        let chosen = unlike::unlike(&space.behaviours, index, count, &record.spec, interrupt)?;
+        Ok(chosen)
     }
 
     /// The flag that ends all clustering of this coordinator.
