@@ -10,6 +10,7 @@ mod asked;
 mod assets;
 mod atlas;
 mod behind_proxy;
+mod by_example;
 mod classes;
 mod delete;
 mod downloads;
@@ -260,6 +261,12 @@ fn pages() -> GuardedRouter<Web> {
             VIEWER,
             Computing,
             taxonomy::starts::picture,
+        )
+        .post(
+            "/campaigns/{id}/individuals/{index}/search",
+            OPERATOR,
+            Computing,
+            by_example::search,
         )
         .get("/campaigns/{id}/labels", VIEWER, Reading, teach::labels)
         .post("/campaigns/{id}/labels", ANNOTATOR, Decision, teach::answer)

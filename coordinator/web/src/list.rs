@@ -207,7 +207,10 @@ fn line(status: &CampaignStatus, wanted: &Wanted, values: Option<&Vec<Option<f64
             img src=(picture(record)) alt="" width="60" height="60" loading="lazy";
             div.what {
                 a id={ "campaign-" (id) } href={ "/campaigns/" (id) } { (id) }
-                span.about { (record.spec.model()) " · " (record.spec.method()) }
+                span.about {
+                    (record.spec.model()) " · " (record.spec.method())
+                    @if let Some(beginning) = parts::beginning(&record.spec) { " · " (beginning) }
+                }
                 span.about { (when(record)) }
                 (notes::chips(&record.notes.tags, wanted))
                 @if let Some(first) = record.notes.note.as_str().lines().next() { span.about.first-line { (first) } }

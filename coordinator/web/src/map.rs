@@ -1,7 +1,7 @@
 //! The map of a campaign's behaviours: the page, and the points that its script draws.
 
 use super::{
-    Web, keys,
+    Web, by_example, keys,
     layout::{Part, campaign_page},
     learning,
     named::on_card,
@@ -76,7 +76,10 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                         (scripts::zoom_buttons())
                     }
                     div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
-                    p.empty hidden { "The map is empty until the first generation is complete." }
+                    p.empty hidden {
+                        "The map is empty until the first generation is complete. See the "
+                        a href={ "/campaigns/" (record.id) } { "progress" } "."
+                    }
                 }
                 ul #legend.legend aria-label="Colours: each button hides and shows its individuals" {}
                 div.choices {
@@ -91,6 +94,9 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
                     span #shown.reason role="status" { "…" }
                 }
                 @if let Some(sample) = murmuration_report::sample_in_words(&record.spec) { p.reason { (sample) } }
+                @if record.spec.sweep_centre().is_some() {
+                    p.reason { "The cross is the centre of the sweep: the controllers of the first generation are within a step of it." }
+                }
                 p #distances.reason role="status" {}
                 p #how.reason {
                     "Point at a behaviour to see its picture, and click it to play its motion. Draw a line around behaviours "
@@ -102,6 +108,10 @@ pub(super) async fn page(OfCampaign { web, record, visitor }: OfCampaign) -> Res
             section.side aria-label="Selection" {
                 (parts::stage("Motion of the behaviour that you clicked", record.spec.world()))
                 p #chosen.reason.scripted { "Click a behaviour to play its motion." }
+                details #examples.scripted {
+                    summary { "Search by example" }
+                    div.choices { (by_example::buttons(&record.id, None)) }
+                }
                 p #selected.reason.scripted { "Draw a line around behaviours to label them." }
                 div #gallery.gallery.scripted role="group" aria-label="Pictures of the selection" hidden {}
                 p #gallery-line.reason.scripted hidden {}
@@ -137,6 +147,8 @@ pub(super) struct PointsView {
     archive_version: String,
     /// Indices of the medoids.
     medoids: Vec<usize>,
+    /// The individual around which the first generation is a sweep.
+    centre: Option<u64>,
     /// Number of trials of each individual.
     starts: usize,
     /// Columns with a value for each individual: the number of trials that show its own behaviour, and its cluster.
@@ -155,6 +167,7 @@ pub(super) async fn points(
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let (individuals, population) = (record.sampled(), record.spec.search().population());
     let starts = record.spec.starts().get();
+    let centre = record.spec.sweep_centre().map(|_| 0);
     let (queries, store, id) = (web.labels.queries, web.store, record.id.clone());
     let clustered = in_background(move |_| queries.clusters(&record))
         .await
@@ -176,6 +189,7 @@ pub(super) async fn points(
         r#final: clustered.is_taxonomy,
         archive_version: clustered.space.archive_version.to_string(),
         medoids: medoids.clone(),
+        centre,
         starts,
         robust: column(clustered.robust_trials.iter().map(|&robust| [robust])),
         cluster: column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),

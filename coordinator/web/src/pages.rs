@@ -56,7 +56,10 @@ pub(super) async fn campaign(
         Part::Progress,
         &visitor,
         html! {
-            p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
+            p.eyebrow {
+                (status.record.spec.model()) " · " (status.record.spec.method())
+                @if let Some(beginning) = parts::beginning(&status.record.spec) { " · " (beginning) }
+            }
             h1 { (id) }
             (notes::section(&status.record))
             div data-live={ "/campaigns/" (id) "/events" } {

@@ -4,7 +4,7 @@ use super::keys;
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, Timestamp};
-use murmuration_swarm::{Class, World};
+use murmuration_swarm::{CampaignSpec, Class, World, counted};
 
 /// The paper's classes that robots with any of the paper's capability models can show, `random` last.
 const OFFERED: [Class; 6] = [
@@ -139,6 +139,17 @@ pub(super) fn menu(of: &str, content: &Markup) -> Markup {
             summary aria-label={ "More for " (of) } { "⋯" }
             div { (content) }
         }
+    }
+}
+
+/// The controllers that the first generation of a campaign begins with, in words; `None` if it is sampled as a whole.
+pub(super) fn beginning(spec: &CampaignSpec) -> Option<String> {
+    let initial = spec.controllers().initial().len() as u64;
+    let controllers = counted(initial, "controller");
+    match (spec.sweep_centre(), initial) {
+        (Some(_), _) => Some(format!("sweep of {controllers}")),
+        (None, 0) => None,
+        (None, _) => Some(format!("begins with {controllers}")),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Tests the pages over HTTP, on the port of gRPC.
 
+mod by_example;
 mod managing;
 mod taxonomy;
 

@@ -145,6 +145,9 @@ function clusterOf(i) {
   return points.isMedoid.has(i) ? ` · medoid of cluster ${cluster + 1}` : ` · cluster ${cluster + 1}`;
 }
 
+// Says that an individual is the centre of a sweep; empty for all others.
+const centreOf = (i) => (i === points.centre ? " · the centre of the sweep" : "");
+
 // The robustness of an individual, in words; empty if individuals have only one start.
 function robustnessOf(i) {
   return i < points.robust.length ? ` · robustness ${points.robust[i]} of ${points.starts}` : "";
@@ -160,7 +163,7 @@ function hover(i) {
   if (i >= 0) stays = setTimeout(() => layPaths(tip, i, () => sketch.hovered === i), STAYS_MS);
   if (i >= 0) {
     tip.querySelector("img").src = path(archived(i));
-    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}`;
+    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}${centreOf(i)}`;
     const [x, y] = [plot.across[i], plot.down[i]];
     const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;
     tip.style.left = `${Math.max(left, 4)}px`;
@@ -171,7 +174,10 @@ function hover(i) {
 
 function choose(i) {
   if (i < 0) return;
-  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}.`;
+  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}${centreOf(i)}.`;
+  const examples = at("examples").querySelector("form");
+  examples.action = path(`individuals/${i}/search`);
+  for (const button of examples.querySelectorAll("button")) button.disabled = false;
   player.show(i).catch((error) => complain(status, error));
   const card = at("gallery").querySelector(`[data-index="${i}"]`);
   if (card) layPaths(card, i);
@@ -339,6 +345,7 @@ async function load() {
   const [robust, isMedoid] = [column(about.robust, Uint8Array), new Set(about.medoids)];
   points = { ...about, cluster, sizes, robust, isMedoid, places: { axes: read(axes) } };
   points.count = points.places.axes[0].length;
+  sketch.centre = points.centre;
   document.querySelector(".plane .empty").hidden = points.count > 0;
   pinned = "";
   pins.fill(

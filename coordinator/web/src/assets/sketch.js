@@ -10,6 +10,8 @@ export class Sketch {
     this.canvas = canvas;
     this.plot = plot;
     this.medoids = medoids;
+    // The point that gets a cross; null if there is none.
+    this.centre = null;
     this.hovered = -1;
     this.line = null;
   }
@@ -25,8 +27,21 @@ export class Sketch {
     const ink = getComputedStyle(canvas).color;
     pen.strokeStyle = ink;
     for (const i of this.medoids()) if (i < plot.count && plot.isShown(i)) this.ring(pen, i, 5, 1.5);
+    if (this.centre !== null && this.centre < plot.count && plot.isShown(this.centre)) this.cross(pen, this.centre);
     if (this.line) trace(pen, this.line, ink);
     if (this.hovered >= 0) this.ring(pen, this.hovered, 7, 2);
+  }
+
+  cross(pen, i) {
+    const [x, y] = [this.plot.across[i], this.plot.down[i]];
+    const arm = 10;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(x - arm, y);
+    pen.lineTo(x + arm, y);
+    pen.moveTo(x, y - arm);
+    pen.lineTo(x, y + arm);
+    pen.stroke();
   }
 
   ring(pen, i, radius, width) {

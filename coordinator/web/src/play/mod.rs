@@ -21,9 +21,8 @@ pub(super) use view::SwarmView;
 use super::{
     Web,
     asked::{Form, Query},
-    new::request_of,
+    by_example::{Asked, Example, FIELD, begin},
     page_error::{PageError, Refused},
-    pages::page_of,
     visitor::Visitor,
 };
 use address::{Address, Parameters, Play};
@@ -38,7 +37,7 @@ use maud::Markup;
 use motion::{Detail, Kept, MOST_STEPS};
 use murmuration_access::Client;
 use murmuration_engine::blocking::in_background;
-use murmuration_model::{CampaignId, CampaignState, NewCampaign};
+use murmuration_model::{CampaignId, CampaignState};
 use murmuration_service::OrStatus as _;
 use murmuration_swarm::{CampaignSpec, Invalid};
 use std::sync::Arc;
@@ -151,12 +150,11 @@ fn not_a_step(given: String) -> Invalid {
     Invalid::new("from", given, format!("a whole number from 0 to {MOST_STEPS}"))
 }
 
-/// Starts the campaign of an address of the page, and redirects to it. The form has a token of its page, so that a second click
-/// starts no second campaign.
+/// Starts the campaign of an address of the page, a search or a sweep, and redirects to it.
 pub(super) async fn search(
     State(web): State<Web>,
     Query(parameters): Query<Parameters>,
-    Form(form): Form<Parameters>,
+    Form(asked): Form<Asked>,
 ) -> Result<Redirect, PageError> {
     if parameters.is_empty() {
         return Err(Invalid::missing("address", "the address of a swarm on the page Play").into());
@@ -165,15 +163,15 @@ pub(super) async fn search(
     check_cost(&play.world)?;
     // The seeds of campaigns have 63 bits.
     let seed = play.seed & i64::MAX as u64;
-    let spec = CampaignSpec::begun_around(&play.controller, &play.world, seed)?;
-    let token = form.iter().find(|(name, _)| name == "request");
-    let request = token.map(|(_, token)| request_of(token, &spec)).transpose()?;
-    let new = NewCampaign {
-        request,
-        ..spec.into()
+    let spec = match asked.example {
+        Example::Like => CampaignSpec::begun_around(&play.controller, &play.world, seed)?,
+        Example::Sweep => CampaignSpec::sweep_around(&play.controller, &play.world, seed)?,
+        Example::Unlike => {
+            let allowed = "\"like\" or \"sweep\": nothing of an archive is given";
+            return Err(Invalid::new(FIELD, "\"unlike\"", allowed).into());
+        }
     };
-    let created = web.campaigns.create(new).await?;
-    Ok(page_of(created.record.id.as_str()))
+    begin(&web, spec, &asked).await
 }
 
 #[cfg(test)]

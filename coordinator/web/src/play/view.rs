@@ -2,6 +2,7 @@
 
 use super::{
     super::{
+        by_example::{Example, FIELD},
         keys,
         layout::{PLAY, layout_with},
         new::token,
@@ -158,11 +159,17 @@ fn comparison(play: &Play, campaigns: &[Comparable]) -> Markup {
                     @if campaigns.len() == OFFERED { span.reason { "The newest " (OFFERED) " are listed." } }
                     button.plain #ask type="button" { "What is this like? " (keys::mark("like")) }
                 }
-                form #search method="post" action="/play/search" { input type="hidden" name="request" value=(token()); button { "Search from here" } }
+                form #search.examples method="post" action="/play/search" {
+                    input type="hidden" name="request" value=(token());
+                    button name=(FIELD) value=(Example::Like.name()) { "Search from here" }
+                    button.plain name=(FIELD) value=(Example::Sweep.name()) title=(Example::Sweep.title()) { "Sweep around this" }
+                }
             }
             p.reason {
                 "Search from here starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations with these "
-                "robots, on hand-crafted features. Half of its first generation is this controller and controllers near it."
+                "robots, on hand-crafted features. Half of its first generation is this controller and controllers near it. Sweep around "
+                "this evaluates this controller and every controller within a step of it, and shows them on a map. Both take the robot "
+                "as the editor has it."
             }
             p #compared.status role="status" {}
             div #likes {}

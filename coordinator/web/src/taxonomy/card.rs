@@ -1,7 +1,7 @@
 //! The cards of behaviours on the page Taxonomy.
 
 use super::{alike, shown_version::ShownVersion, starts, versions};
-use crate::{archived, named::on_card, new::token, parts, play};
+use crate::{archived, by_example, named::on_card, parts, play};
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_engine::taxonomy::{ClusterName, Origin};
@@ -10,7 +10,7 @@ use murmuration_report::{
     Purity,
     card::{CardName, Sight, genes, heading, measures, sight},
 };
-use murmuration_swarm::{CampaignSpec, Verdict, counted, figure, grouped};
+use murmuration_swarm::{Verdict, counted, figure, grouped};
 
 pub(crate) struct Card<'a> {
     pub(crate) record: &'a CampaignRecord,
@@ -194,7 +194,7 @@ fn more(card: &Card<'_>) -> Markup {
                 div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
                 div { dt { "Individual" } dd { (grouped(index)) } }
             }
-            h4 { "Controller" }
+            h3 { "Controller" }
             (genes(&medoid.individual.controller))
             code { (medoid.individual.controller) }
             (uses(card))
@@ -203,7 +203,7 @@ fn more(card: &Card<'_>) -> Markup {
     }
 }
 
-/// The actions on a behaviour: play with its swarm, search around it, try it from further starts.
+/// The actions on a behaviour: play with its swarm, start a campaign from it, try it from further starts.
 fn uses(card: &Card<'_>) -> Markup {
     let (record, number) = (card.record, card.place + 1);
     let individual = &card.shown.taxonomy.medoids[card.place].individual;
@@ -213,11 +213,8 @@ fn uses(card: &Card<'_>) -> Markup {
         div.choices {
             @if let Some(play) = &play {
                 a.button href={ "/play?" (play) } { "Play with it" (of()) }
-                form method="post" action={ "/play/search?" (play) } title={ "Starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations, on hand-crafted features, whose first generation begins around this controller" } {
-                    input type="hidden" name="request" value=(token());
-                    button.plain { "More like this: search" (of()) }
-                }
             }
+            (by_example::buttons(&record.id, Some((individual.index, &format!("behaviour {number}")))))
             a.button.further href={ "/campaigns/" (record.id) "/individuals/" (individual.index) "/starts" } {
                 "Try 20 further starts" span.unseen { " of behaviour " (number) }
             }

@@ -79,6 +79,7 @@ pub fn tests() -> Vec<Test> {
         test!(async reviewing::the_motion_stays_in_view_beside_a_long_sheet),
         test!(async scriptless::a_page_without_scripts_says_what_it_needs_and_shows_what_it_has),
         test!(async selecting::ten_are_lassoed_on_the_map_and_named),
+        test!(async selecting::a_campaign_begins_from_a_point_of_the_map),
         test!(async selecting::the_map_zooms_hides_and_asks_before_it_replaces),
         test!(async selecting::what_is_hidden_stays_so_when_another_class_goes),
         test!(async exploring::what_the_map_shows_is_remembered_until_all_is_shown),

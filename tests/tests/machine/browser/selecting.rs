@@ -90,6 +90,32 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
     scene.cluster.stop().await;
 }
 
+pub async fn a_campaign_begins_from_a_point_of_the_map() {
+    let driver = Driver::start();
+    let scene = Scene::set().await;
+    let window = scene.visit(&driver, "/map", "Ana").await;
+    window.until("document.querySelector('.legend li')").await;
+    window.click("#examples summary").await;
+    let disabled = "document.querySelectorAll('#examples button:disabled').length";
+    assert_eq!(window.value(disabled).await, serde_json::json!(3));
+    window.focus("#over").await;
+    window.press("\u{e014}\u{e007}").await;
+    window
+        .until("!document.querySelector('#examples button:disabled') && document.getElementById('chosen').textContent.startsWith('Individual ')")
+        .await;
+    let chosen = window.text("#chosen").await;
+    let index = chosen.split([' ', ',']).nth(1).unwrap();
+    window.picture("map-point").await;
+    window.click("#examples button[value=unlike]").await;
+    window
+        .until(&format!(
+            "location.pathname.startsWith('/campaigns/unlike-') && location.pathname.endsWith('-{index}-2')"
+        ))
+        .await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
 /// Names the class of all selected individuals.
 pub async fn name_selected(window: &Window, class: &str) {
     window.press("n").await;

@@ -95,6 +95,7 @@ pub async fn behaviours_are_merged_tried_learned_from_and_compared() {
 
     // A dialog shows twenty further starts.
     window.click(".medoid .more summary").await;
+    look(&window, "taxonomy-card").await;
     window.click(".further").await;
     window
         .until(
