@@ -2,9 +2,11 @@
 import { Around } from "./around.js";
 import { base } from "./base.js";
 import { Comparison } from "./compare.js";
+import { pause } from "./coordinator.js";
 import { Endless } from "./endless.js";
 import { actionOf, isForPage } from "./keys.js";
 import { Marks } from "./marks.js";
+import { edited } from "./roboteditor.js";
 import { Timeline } from "./timeline.js";
 
 // After a change of the controller, the new motion is shown from the current step on, with two limits. LOOKED_AT is the last step
@@ -26,10 +28,12 @@ class State {
     return this.genes.map((gene) => Number(gene.value));
   }
 
-  query() {
+  // `robot` is a description of other robots, for the same controller.
+  query(robot = null) {
     const given = new URLSearchParams(location.search);
     const query = new URLSearchParams();
-    if (root.dataset.model) query.set("model", root.dataset.model);
+    if (robot !== null) query.set("robot", robot);
+    else if (root.dataset.model) query.set("model", root.dataset.model);
     else query.set("robot", given.get("robot"));
     query.set("genes", this.genes.map((gene) => gene.value).join(","));
     query.set("seed", at("seed").value);
@@ -126,9 +130,21 @@ function playground() {
     });
   }
   for (const choice of root.querySelectorAll("select[data-gene]")) choice.addEventListener("change", () => changed(seen()));
-  at("search").addEventListener("submit", (event) => {
-    at("search").action = `${base}/play/search?${state.query()}`;
-    if (!isValid()) event.preventDefault();
+  // A person who edited the robot sees that robot, so the campaign has it. The form is sent once the editor has read its text.
+  const form = at("search");
+  let isReady = false;
+  form.addEventListener("submit", async (event) => {
+    if (isReady) return;
+    event.preventDefault();
+    const { robot, problem } = await edited();
+    comparison.tell(problem, true);
+    if (problem || !isValid()) return;
+    form.action = `${base}/play/search?${state.query(robot)}`;
+    // A form cannot be sent while its own event is handled.
+    await pause(0);
+    isReady = true;
+    form.requestSubmit(event.submitter);
+    isReady = false;
   });
   at("seed").addEventListener("input", () => changed(0));
   at("controller").addEventListener("change", settled);

@@ -34,6 +34,8 @@ class Editor {
     this.before = [];
     this.last = 0;
     this.isRefused = false;
+    // The text to which the fields belong.
+    this.known = null;
     this.bound = [];
     this.drawing = new Drawing({
       changed: () => this.changed(),
@@ -52,6 +54,7 @@ class Editor {
     const asked = this.text.value;
     const described = await this.ask(asked);
     if (asked !== this.text.value || !described) return;
+    this.known = asked;
     this.fields.inert = Boolean(described.error);
     if (described.error) return this.tell(`The drawing waits until the text is right. ${described.error}`, true);
     this.described = copied(described);
@@ -107,6 +110,7 @@ class Editor {
     this.last = now;
     this.isRefused = false;
     this.write(toml(this.described));
+    this.known = this.text.value;
     this.sync();
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.check(), PAUSE_MS);
@@ -364,20 +368,43 @@ class Editor {
     return element("label", {}, `${label} `, input);
   }
 
+  // Whether a controller of the robot of the page fits the robot of the text.
+  get isSame() {
+    return Boolean(this.described) && this.genes() === this.first && !this.fields.inert;
+  }
+
+  // Why the controller of the page Play cannot be used with the robot of the text; empty if it can be used.
+  async problem() {
+    if (this.known !== this.text.value) await this.read();
+    if (this.known !== this.text.value) return "The robot in the editor could not be read. Try again.";
+    if (this.fields.inert) return "The robot in the editor has an error: correct it first.";
+    if (this.isSame) return "";
+    return "The robot in the editor has changed, and this controller does not fit it. Press “Use this robot”, set its controller, and try again.";
+  }
+
   // The page Play keeps its seed, and its controller as long as the controller fits the robot.
   keep(form) {
     const given = new URLSearchParams(location.search);
-    const isSame = this.described && this.genes() === this.first && !this.fields.inert;
-    for (const name of isSame ? ["genes", "seed", "robots"] : ["seed"]) {
+    for (const name of this.isSame ? ["genes", "seed", "robots"] : ["seed"]) {
       if (given.has(name)) form.append(element("input", { type: "hidden", name, value: given.get(name) }));
     }
   }
 }
 
+let editor = null;
+
+// The text of the editor's robot if a person has changed it since the page was loaded, or else null; and why the controller of the
+// page cannot be used with this robot, empty if it can be used.
+export async function edited() {
+  if (editor === null || editor.text.value === editor.text.defaultValue) return { robot: null, problem: "" };
+  const problem = await editor.problem();
+  return { robot: editor.text.value, problem };
+}
+
 const root = document.getElementById("robot-editor");
 if (root) {
   const text = document.getElementById("robot");
-  const editor = new Editor(root, text);
+  editor = new Editor(root, text);
   const fold = root.closest("details");
   const begin = () => {
     if (!fold.open || editor.described) return;

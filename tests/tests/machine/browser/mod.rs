@@ -64,6 +64,7 @@ pub fn tests() -> Vec<Test> {
         test!(async playing::a_robot_is_described_and_what_is_wrong_with_it_is_said),
         test!(async playing::what_a_swarm_is_like_is_shown_with_ways_to_see_it),
         test!(async playing::a_search_begins_with_the_controller_that_was_played_with),
+        test!(async playing::a_search_and_a_sweep_take_the_robot_as_it_was_edited),
         test!(async playing::where_nothing_can_be_compared_the_page_says_so),
         test!(async playing::the_page_fits_every_screen_and_rests_where_motion_is_not_wanted),
         test!(async points::a_card_draws_the_points_as_the_script_does),

@@ -487,6 +487,52 @@ pub async fn a_search_begins_with_the_controller_that_was_played_with() {
     playground.close().await;
 }
 
+pub async fn a_search_and_a_sweep_take_the_robot_as_it_was_edited() {
+    let playground = Playground::beside_a_campaign().await;
+    let window = &playground.window;
+    const BUTTONS: &str = "#search button";
+    let edit = async |text: &str| {
+        let script = format!(
+            "const text = document.getElementById('robot'); text.value = {text:?}; \
+             text.dispatchEvent(new Event('input', {{ bubbles: true }}))"
+        );
+        window.driver.execute(script, vec![]).await.unwrap();
+    };
+    playground
+        .goto("model=single-sensor&genes=0.6,1,0.4,0.5&seed=7")
+        .await;
+    window.until(&format!("{STEP} > 20")).await;
+    window.click(".described summary").await;
+    window.until("document.querySelector('.robot-fields svg')").await;
+    // The controller does not fit a robot with another sensor, so that the page says what to do first.
+    edit("[robot]\nsensors = [{}, { angle = 1.0 }]\n").await;
+    window.click(BUTTONS).await;
+    window
+        .until("document.querySelector('#compared.wrong')?.textContent.includes('Press “Use this robot”')")
+        .await;
+    // A controller that fits goes with the edited robot.
+    edit("[robot]\nradius = 7.0\nsensors = [{}]\n").await;
+    window.click(&format!("{BUTTONS}[value=sweep]")).await;
+    // The map shows the centre of the sweep.
+    window
+        .until(
+            "location.pathname === '/campaigns/play-sweep-2/map' \
+             && document.getElementById('chosen').textContent.endsWith('the centre of the sweep.')",
+        )
+        .await;
+    window.picture("sweep-map").await;
+    let page = format!("{}/campaigns/play-sweep-2", playground.cluster.url());
+    window.driver.goto(page).await.unwrap();
+    let spec = window.value("document.querySelector('pre').textContent").await;
+    let spec = CampaignSpec::from_toml(spec.as_str().unwrap()).unwrap();
+    assert_eq!(spec.model().species()[0].robot().radius(), 7.0);
+    assert_eq!(
+        spec.sweep_centre().map(Controller::genes),
+        Some(&[0.6, 1.0, 0.4, 0.5][..])
+    );
+    playground.close().await;
+}
+
 pub async fn where_nothing_can_be_compared_the_page_says_so() {
     let playground = Playground::open().await;
     let window = &playground.window;
