@@ -388,8 +388,11 @@ impl Researcher {
         self.look("robot-editor").await;
         self.go("/campaigns/small-1/taxonomy").await;
         window.click(".medoid .more summary").await;
-        self.follow(".medoid .more form button", "/campaigns/play-5")
+        let index = window
+            .value("document.querySelector('.medoid').dataset.index")
             .await;
+        let like = format!("/campaigns/like-small-1-{}-5", index.as_str().unwrap());
+        self.follow(".medoid .more form button", &like).await;
         self.look("more-like-this").await;
     }
 }
