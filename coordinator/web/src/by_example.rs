@@ -5,8 +5,8 @@ use super::{
     asked::Form,
     new::{request_of, token},
     of_campaign::OfCampaign,
+    of_campaign::page_of,
     page_error::PageError,
-    pages::page_of,
 };
 use axum::{extract::Path, response::Redirect};
 use maud::{Markup, html};

@@ -1,9 +1,10 @@
-//! Extractor for requests of pages of a campaign.
+//! Extractor for requests of pages of a campaign, and the redirect to its first page.
 
 use super::{Web, page_error::PageError, visitor::Visitor};
 use axum::{
     extract::{FromRequestParts, RawPathParams},
     http::request::Parts,
+    response::Redirect,
 };
 use murmuration_model::CampaignRecord;
 use tonic::Status;
@@ -30,4 +31,8 @@ impl FromRequestParts<Web> for OfCampaign {
             visitor,
         })
     }
+}
+
+pub(super) fn page_of(campaign: &str) -> Redirect {
+    Redirect::to(&format!("/campaigns/{campaign}"))
 }

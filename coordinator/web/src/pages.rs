@@ -7,7 +7,7 @@ use super::{
     delete, history,
     layout::{Part, campaign_page},
     machines, notes,
-    of_campaign::OfCampaign,
+    of_campaign::{OfCampaign, page_of},
     page_error::PageError,
     parts,
     stages::{progress, stage_left, whole_left},
@@ -200,7 +200,10 @@ fn figures(status: &CampaignStatus) -> Markup {
     html! {
         (progress(status))
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
-        @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } }
+        // While the campaign runs, the line always has its place, so that nothing below it moves.
+        @if status.record.state == CampaignState::Running {
+            div.waits-for { @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } } }
+        }
         div.actions {
             @if status.record.state == CampaignState::Completed {
                 a.button.main href={ "/campaigns/" (id) "/taxonomy" } { "See the behaviours" }
@@ -380,8 +383,4 @@ pub(super) async fn extend(
 ) -> Result<Redirect, PageError> {
     let extended = web.campaigns.extend(&id, extension.generations).await?;
     Ok(page_of(extended.record.id.as_str()))
-}
-
-pub(super) fn page_of(campaign: &str) -> Redirect {
-    Redirect::to(&format!("/campaigns/{campaign}"))
 }

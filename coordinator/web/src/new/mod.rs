@@ -10,8 +10,8 @@ mod view;
 use super::{
     Web,
     asked::{Form, Query},
+    of_campaign::page_of,
     page_error::PageError,
-    pages::page_of,
     visitor::Visitor,
 };
 use axum::{

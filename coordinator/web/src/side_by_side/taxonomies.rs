@@ -7,12 +7,11 @@ use super::{
     matching::{Behaviour, Group, by_class, by_distance},
 };
 use maud::{Markup, html};
-use murmuration_accuracy::RANDOM;
-use murmuration_model::{CampaignRecord, labels::ClassName};
+use murmuration_model::CampaignRecord;
 use murmuration_report::point_map;
 use murmuration_search::{interrupt::Interrupt, novelty::Behaviours, projection::principal_axes};
 use murmuration_study::wide;
-use murmuration_swarm::{BehaviourSpace, Class, Scale, Verdict, counted};
+use murmuration_swarm::{BehaviourSpace, Scale, counted};
 
 /// Side of the map, and margin above and below its content, in units of the drawing.
 const MAP: f64 = 640.0;
@@ -53,21 +52,11 @@ fn behaviours(compared: &[Compared]) -> Vec<Behaviour> {
                 // Distances are used only if campaigns share a space, and campaigns share only spaces that are not scaled.
                 at: medoid.individual.behaviour(&Scale::unscaled(record.spec.space())),
                 mean_distance: medoid.mean_distance,
-                class: shown
-                    .class(place)
-                    .filter(|class| class.key().as_str() != RANDOM)
-                    .cloned()
-                    .or_else(|| judged(*shown.words.get(&medoid.individual.index)?)),
+                class: shown.class(place),
             }
         }));
     }
     all
-}
-
-/// The class of the judge's verdict; `None` for the class `random`, because two random behaviours need not be alike.
-fn judged(verdict: Verdict) -> Option<ClassName> {
-    let is_random = verdict == Verdict::Class(Class::Random);
-    (!is_random).then(|| verdict.words().parse().ok()).flatten()
 }
 
 /// Whether all campaigns with a taxonomy share one space, so that distances between their behaviours have a meaning.
@@ -123,7 +112,7 @@ fn explanation(compared: &[Compared], has_one_space: bool, groups: &[Group], wit
         } @else {
             p.lead {
                 "These campaigns measure behaviours in different spaces, in which distances do not mean the same. So behaviours are matched by "
-                "the classes that annotators gave, or else by what the rule-based judge calls them. Those without a class are not matched."
+                "the classes that annotators gave, or else by what the rule-based judge calls them. Random and mixed clusters have no class, and are not matched."
             }
             ul.reason {
                 @for Compared { record, .. } in compared.iter().filter(|compared| compared.shown.is_some()) {

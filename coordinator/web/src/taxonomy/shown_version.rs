@@ -4,7 +4,7 @@
 use super::measured::Measured;
 use crate::{Web, named::namer, page_error::PageError};
 use maud::Markup;
-use murmuration_engine::taxonomy::{Alike, ClusterName, Names, Origin, Taxonomy};
+use murmuration_engine::taxonomy::{Alike, ClusterName, Names, Taxonomy};
 use murmuration_model::{
     CampaignRecord,
     labels::{ClassName, Labels},
@@ -75,11 +75,12 @@ impl ShownVersion {
         self.names.names.get(place)?.as_ref()
     }
 
-    /// The name of the cluster at a place of the taxonomy, if its medoid has a label. Names that were carried over are not used:
-    /// nobody has confirmed them.
-    pub(crate) fn class(&self, place: usize) -> Option<&ClassName> {
-        let name = self.name(place)?;
-        (!matches!(name.origin, Origin::Carried { .. })).then_some(&name.class)
+    /// The kind of the cluster at a place, by an annotator or else by the judge; `None` if it is mixed, random or unknown.
+    pub(crate) fn class(&self, place: usize) -> Option<ClassName> {
+        match self.kinds.get(place)? {
+            report::Shown::Named(name) | report::Shown::Judged(name) => name.parse().ok(),
+            report::Shown::Mixed | report::Shown::Random => None,
+        }
     }
 
     /// Places of the clusters that pages show first, and of those that they fold beneath them.
