@@ -83,19 +83,25 @@ fn behaviour(report: &Report, place: usize, medoid: &MedoidEntry, [left, top]: [
     let scale = SIDE / world.width().max(world.height());
     let share = percent(medoid.cluster_size, report.individuals.len() as u64);
     let name = report.card_name(place);
-    let shown = name.as_ref().map(CardName::shown);
-    let is_unsure = name.as_ref().is_some_and(|name| !name.is_sure());
+    let shown = name.as_ref().map(|name| {
+        let short = CardName {
+            name: beginning(&name.name, MOST_OF_NAME).into_owned(),
+            by: name.by,
+        };
+        (name.shown(), short.shown())
+    });
+    let is_unsure = name.is_some_and(|name| !name.is_sure());
     html! {
         g transform={ "translate(" (left) " " (top) ")" } {
-            @if let Some(shown) = &shown { title { (shown) } }
+            @if let Some((whole, _)) = &shown { title { (whole) } }
             g transform={ "scale(" (scale) ")" } { (PreEscaped(paths(report, medoid))) }
             text y=(SIDE + LINE) fill="#222" {
                 tspan font-weight="bold" { (place + 1) }
-                @if let Some(shown) = &shown {
-                    tspan fill=[is_unsure.then_some("#666")] font-style=[is_unsure.then_some("italic")] { " " (beginning(shown, MOST_OF_NAME)) }
+                @if let Some((_, short)) = &shown {
+                    tspan fill=[is_unsure.then_some("#666")] font-style=[is_unsure.then_some("italic")] { " " (short) }
                 }
             }
-            text y=(SIDE + 2.0 * LINE) fill="#666" font-size="13" { (share) (quality(report.purity(place), report.robust_trials(medoid))) }
+            text y=(SIDE + 2.0 * LINE) fill="#666" font-size="11.5" { (share) (quality(report.purity(place), report.robust_trials(medoid))) }
         }
     }
 }

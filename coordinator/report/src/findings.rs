@@ -6,10 +6,10 @@ use murmuration_model::labels::{ClassKey, ClassName};
 use murmuration_swarm::{CampaignSpec, Class, Verdict, counted, noun};
 use std::collections::BTreeSet;
 
-/// The name of a card, by which cards are counted as distinct behaviours.
+/// The kind of behaviour that a card shows. Cards of one kind count as one distinct behaviour.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shown {
-    /// A behaviour that an annotator named.
+    /// A behaviour with a name by an annotator: its own, or one from an earlier version that the judge does not contradict.
     Named(String),
     /// A behaviour that only the rule-based judge names.
     Judged(String),
@@ -20,7 +20,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// The name of a card from the name of the behaviour and who gave it, if any, the judge's verdict, if any, and the purity of
+    /// The kind of a card from the name of the behaviour and who gave it, if any, the judge's verdict, if any, and the purity of
     /// the cluster, if it is known. A name from an earlier version counts only if the judge does not contradict it.
     pub fn of(name: Option<(&ClassName, Namer)>, verdict: Option<Verdict>, purity: Option<Purity>) -> Self {
         let name = name.filter(|(name, by)| match by {
@@ -100,7 +100,7 @@ pub fn answer(shown: &[Shown], judged: &Judged) -> Markup {
             p.findings {
                 @for (count, names) in found { strong { (count) } ": " (names) ". " }
                 @if let Some(share) = judged.random_share() {
-                    "Of about " (format!("{:.0} %", 100.0 * share)) " of the archive it knows no kind (a sample of "
+                    "The judge knows no kind for about " (format!("{:.0} %", 100.0 * share)) " of the archive (a sample of "
                     (judged.sample.len()) ")."
                 }
             }

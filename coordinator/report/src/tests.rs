@@ -270,7 +270,7 @@ fn a_page_begins_with_what_was_found_and_folds_what_is_random_or_shown_already()
     let found = page(&report);
     let expected = "<strong>At least 1 distinct behaviour</strong>: ring, or &quot;mill&quot;. \
                 <strong>The rule-based judge names 1 more kind of behaviour</strong>: milling (50\u{a0}%). \
-                Of about 50 % of the archive it knows no kind (a sample of 2).";
+                The judge knows no kind for about 50 % of the archive (a sample of 2).";
     assert!(
         found.contains(expected),
         "{}",

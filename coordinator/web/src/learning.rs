@@ -79,13 +79,13 @@ impl Estimate {
         let message = |seconds| TimeLeft::about(seconds).in_words();
         match self.after {
             Some(after) => format!(
-                "By the last round, it takes {}: {} of training, and {} to embed, search and cluster.",
+                "As long as the last round: {}, with {} of training, and {} to embed, search and cluster.",
                 message(self.training + after),
                 message(self.training),
                 message(after)
             ),
             None => format!(
-                "By the last round, the training takes {}; then the campaign embeds, searches and clusters.",
+                "As in the last round, the training takes {}; then the campaign embeds, searches and clusters.",
                 message(self.training)
             ),
         }
@@ -127,9 +127,9 @@ fn announcement(record: &CampaignRecord, estimate: Option<Estimate>) -> String {
     );
     format!(
         "Learn from all answers?\n\
-         - The embedder is fine-tuned on all labels, and embeds the {} again.{search}\n\
+         - The campaign fine-tunes its embedder on all labels, and embeds the {} again.{search}\n\
          - The clusters and their order change. Your labels stay.\n\
-         - Progress shows how far it is. It can be paused there, and goes on after its last epoch.\n\
+         - The page Progress shows the training, and can pause it. Resume continues after the last epoch.\n\
          {takes}",
         counted(record.individuals(), "individual")
     )
@@ -173,7 +173,7 @@ mod tests {
         };
         assert_eq!(
             whole.in_words(),
-            "By the last round, it takes about 10 minutes: about 2 minutes of training, and about 9 minutes to embed, search and \
+            "As long as the last round: about 10 minutes, with about 2 minutes of training, and about 9 minutes to embed, search and \
              cluster."
         );
         let cut = Estimate { after: None, ..whole };

@@ -28,7 +28,6 @@ mod login;
 mod machines;
 mod map;
 mod motion;
-mod named;
 mod new;
 mod notes;
 mod of_campaign;
@@ -164,7 +163,8 @@ fn pages() -> GuardedRouter<Web> {
             Decision,
             studies::medoids::judge,
         )
-        .get("/campaigns/{id}", VIEWER, Light, pages::campaign)
+        .get("/campaigns/{id}", VIEWER, Computing, pages::campaign)
+        .get("/campaigns/{id}/cards", VIEWER, Computing, pages::cards)
         .get("/campaigns/{id}/events", VIEWER, Streaming, live::campaign)
         .get(
             "/campaigns/{id}/generations",

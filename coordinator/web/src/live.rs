@@ -70,14 +70,13 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
                 Some(rendered) if rendered.of == of => rendered,
                 _ => Rendered {
                     of,
-                    taxonomy: pages::taxonomy(&web, record).await?,
+                    cards: web.store.run(move |store| pages::cards_state(store, &id)).await?,
                     history: pages::rounds(&web, record).await?,
                 },
             };
             let slots = pages::Slots {
-                taxonomy: rendered.taxonomy.clone(),
                 history: rendered.history.clone(),
-                ..pages::Slots::of(&web, &status).await
+                ..pages::Slots::of(&web, &status, rendered.cards.as_deref()).await
             };
             *latest = Some(rendered);
             Ok::<_, PageError>(slots.sent())
@@ -86,12 +85,13 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
     Ok(follow(sights, look))
 }
 
-/// The markup of a taxonomy and of the rounds that led to it.
+/// The parts of a campaign's page that are made again only if the archive or the labels have changed.
 struct Rendered {
     /// Sources of the markup: the states of archive and campaign, the length of the label log, the rounds, and the
     /// checkpoint that the archive moves to.
     of: (ArchiveState, CampaignState, u64, Rounds, Option<CheckpointDigest>),
-    taxonomy: Markup,
+    /// See [`pages::cards_state`].
+    cards: Option<String>,
     history: Markup,
 }
 

@@ -4,10 +4,10 @@ use super::{
     Web, by_example, keys,
     layout::{Part, campaign_page},
     learning,
-    named::on_card,
     of_campaign::OfCampaign,
     page_error::{PageError, Refused},
     parts,
+    taxonomy::shown_version::on_card,
 };
 use axum::{
     Json,

@@ -37,6 +37,7 @@ pub(super) fn section(record: &CampaignRecord) -> Markup {
                 summary { "Change tags and note" }
                 form #notes method="post" action={ "/campaigns/" (record.id) "/notes" } {
                     input type="hidden" name="former" value=(notes.tags);
+                    input type="hidden" name="former_note" value=(notes.note.as_str());
                     label for="tags" { "Tags" }
                     input #tags name="tags" value=(notes.tags) autocomplete="off" spellcheck="false" aria-describedby="tags-hint";
                     p.reason #tags-hint { "At most " (Tags::MOST) " words of at most " (Tag::MOST) " characters, with spaces between them." }
@@ -52,9 +53,10 @@ pub(super) fn section(record: &CampaignRecord) -> Markup {
 /// The form's fields.
 #[derive(Debug, Deserialize)]
 pub(super) struct Noted {
-    /// The tags that the page showed: the request removes only those of them that the person removed, so that tags which others
-    /// have added since stay.
+    /// The tags and the note that the page showed. The request changes only what the person changed, so that what others have
+    /// written since stays.
     former: String,
+    former_note: String,
     tags: String,
     note: String,
 }
@@ -66,10 +68,12 @@ impl TryFrom<Noted> for NotesChange {
         let [former, wanted] = [&noted.former, &noted.tags].map(|tags| tags.parse::<Tags>());
         let [former, wanted]: [BTreeSet<Tag>; 2] =
             [former?, wanted?].map(|tags| tags.iter().cloned().collect());
+        let [former_note, note] = [&noted.former_note, &noted.note].map(|note| note.parse::<Note>());
+        let (former_note, note) = (former_note?, note?);
         Ok(Self {
             add: &wanted - &former,
             remove: &former - &wanted,
-            note: Some(noted.note.parse()?),
+            note: (note != former_note).then_some(note),
         })
     }
 }

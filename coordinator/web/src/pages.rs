@@ -24,9 +24,9 @@ use axum::{
 };
 use maud::{Markup, html};
 use murmuration_engine::campaign::{CampaignError, CampaignStatus};
-use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, Stage, generations_in_words};
 use murmuration_report::picture::{image_png, robot_svg};
-use murmuration_store::Store;
+use murmuration_store::{Store, StoreError, TaxonomyVersion};
 use murmuration_swarm::{EmbedderSource, World, counted, figure, grouped};
 
 /// The warning before a campaign is cancelled.
@@ -45,10 +45,13 @@ pub(super) async fn campaign(
     let status = web.campaigns.status(&id).await?;
     let id = status.record.id.as_str();
     let running = status.record.state == CampaignState::Running;
+    let of = status.record.id.clone();
+    // Read before the cards: if the state changes meanwhile, the page asks for them again.
+    let cards_state = web.store.run(move |store| cards_state(store, &of)).await?;
+    let cards = behaviours(&web, &status.record).await?;
     let slots = Slots {
-        taxonomy: taxonomy(&web, &status.record).await?,
         history: rounds(&web, &status.record).await?,
-        ..Slots::of(&web, &status).await
+        ..Slots::of(&web, &status, cards_state.as_deref()).await
     };
     Ok(campaign_page(
         &status.record,
@@ -64,7 +67,7 @@ pub(super) async fn campaign(
             div data-live={ "/campaigns/" (id) "/events" } {
                 section aria-label="Status" data-slot="status" { (slots.status) }
                 div #found {
-                    div data-slot="taxonomy" { (slots.taxonomy) }
+                    div #cards { (cards) }
                     (found(running, status.record.spec.world()))
                 }
                 (curve("novelty", "Novelty", running || status.record.generations_done > 1))
@@ -81,10 +84,19 @@ pub(super) async fn campaign(
     ))
 }
 
-/// The taxonomy on a campaign's page; empty if the campaign has no taxonomy yet.
-pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
-    let shown = ShownVersion::current(web, record).await?;
-    Ok(shown.map_or_else(Markup::default, |shown| behaviours(record, &shown)))
+/// State of the cards on a campaign's page: the version of the taxonomy and the length of the label log. `None` if the campaign has
+/// no current taxonomy.
+pub(super) fn cards_state(store: &Store, id: &CampaignId) -> Result<Option<String>, StoreError> {
+    let versions = store.taxonomy_versions(id)?;
+    let current = versions.last().filter(|version| version.stands);
+    let state = |version: &TaxonomyVersion| Ok(format!("{}-{}", version.version, store.label_entries(id)?));
+    current.map(state).transpose()
+}
+
+/// The findings and the cards alone, for a page whose cards have changed. They are no part of the event stream: measuring a
+/// taxonomy costs too much for a stream.
+pub(super) async fn cards(OfCampaign { web, record, .. }: OfCampaign) -> Result<Markup, PageError> {
+    behaviours(&web, &record).await
 }
 
 /// The rounds of learning of a campaign, as a table.
@@ -149,24 +161,21 @@ fn trains(record: &CampaignRecord) -> bool {
 #[derive(Debug, Default)]
 pub(super) struct Slots {
     pub(super) status: Markup,
-    /// The behaviours of the taxonomy; empty if there is no taxonomy yet.
-    pub(super) taxonomy: Markup,
     pub(super) history: Markup,
     /// Connected machines, and notices.
     pub(super) around: Markup,
 }
 
 impl Slots {
-    /// The slots without the taxonomy and the history, which take longer to read.
-    pub(super) async fn of(web: &Web, status: &CampaignStatus) -> Self {
+    /// The slots without the history, which takes longer to read. `cards` is the [`cards_state`].
+    pub(super) async fn of(web: &Web, status: &CampaignStatus, cards: Option<&str>) -> Self {
         let running = status.record.state == CampaignState::Running;
         let (workers, trainers) = match running {
             true => web.campaigns.machines().await,
             false => Default::default(),
         };
         Self {
-            status: figures(status),
-            taxonomy: Markup::default(),
+            status: figures(status, cards),
             history: Markup::default(),
             around: html! {
                 (machines::table(&workers, &trainers))
@@ -185,7 +194,6 @@ impl Slots {
     pub(super) fn sent(&self) -> String {
         let slots = [
             ("status", &self.status),
-            ("taxonomy", &self.taxonomy),
             ("history", &self.history),
             ("around", &self.around),
         ];
@@ -195,14 +203,14 @@ impl Slots {
 }
 
 /// The progress, the buttons and the current figures of a campaign.
-fn figures(status: &CampaignStatus) -> Markup {
+fn figures(status: &CampaignStatus, cards: Option<&str>) -> Markup {
     let id = status.record.id.as_str();
     html! {
         (progress(status))
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
         // While the campaign runs, the line always has its place, so that nothing below it moves.
         @if status.record.state == CampaignState::Running {
-            div.waits-for { @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } } }
+            div.waits-for { @if let Some(waiting) = &status.waiting { p.error role="status" { (waiting) } } }
         }
         div.actions {
             @if status.record.state == CampaignState::Completed {
@@ -220,7 +228,7 @@ fn figures(status: &CampaignStatus) -> Markup {
             (delete::menu(&status.record))
         }
         // The figures come last, because their list becomes shorter when the campaign ends.
-        (facts(status))
+        (facts(status, cards))
     }
 }
 
@@ -272,7 +280,7 @@ fn capitalised(word: &str) -> String {
 
 /// The current figures of a campaign. While the campaign runs, unknown figures also have a place, so that nothing below them
 /// moves.
-fn facts(status: &CampaignStatus) -> Markup {
+fn facts(status: &CampaignStatus, cards: Option<&str>) -> Markup {
     let record = &status.record;
     let running = record.state == CampaignState::Running;
     let fact = |name: &str, value: Option<String>| {
@@ -293,7 +301,7 @@ fn facts(status: &CampaignStatus) -> Markup {
     html! {
         dl.facts data-generations=(record.generations_done) data-epoch=[training.map(|training| training.epoch)]
             data-notices=(status.notices.last().map_or(0, |notice| notice.number))
-            data-searching=[searches(status).then_some("yes")] {
+            data-searching=[searches(status).then_some("yes")] data-cards=[cards] {
             (fact("Generations", Some(done)))
             @if record.spec.has_novelty() {
                 (fact("Best novelty of the last generation", record.last_novelty.map(|(best, _)| figure(best))))
@@ -316,11 +324,14 @@ fn facts(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// The findings and the cards of the distinct behaviours, largest cluster first.
-fn behaviours(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
+/// The findings and the cards of the distinct behaviours, largest cluster first; empty if the campaign has no taxonomy yet.
+async fn behaviours(web: &Web, record: &CampaignRecord) -> Result<Markup, PageError> {
+    let Some(shown) = &ShownVersion::current(web, record).await? else {
+        return Ok(Markup::default());
+    };
     let (distinct, others) = shown.folding(record);
     let taxonomy = format!("/campaigns/{}/taxonomy", record.id);
-    html! {
+    Ok(html! {
         h2 { (counted(shown.taxonomy.medoids.len() as u64, "cluster")) " of behaviours" }
         (shown.answer())
         p.lead {
@@ -329,7 +340,7 @@ fn behaviours(record: &CampaignRecord, shown: &ShownVersion) -> Markup {
         }
         ul.medoids { @for place in distinct { li { (brief(&Card { record, shown, place })) } } }
         @if !others.is_empty() { p.reason { a href=(taxonomy) { (shown.folded(&others)) } } }
-    }
+    })
 }
 
 /// A drawing of the robots of a campaign's first species.

@@ -24,7 +24,7 @@ export function attend(part) {
 document.querySelectorAll("[data-live]").forEach(attend);
 
 // Sets the content of a slot. A slot never shrinks, so that everything below it stays in place.
-function fill(slot, { childNodes }) {
+export function fill(slot, { childNodes }) {
   const before = slot.offsetHeight;
   const fresh = slot.cloneNode(false);
   fresh.append(...childNodes);

@@ -1,8 +1,8 @@
 // The Progress page: the coordinator sends the parts that change, and this script draws novelty and trainings as curves.
-import "./live.js";
 import { Chart } from "./chart.js";
-import { get, insist, pause } from "./coordinator.js";
+import { get, insist, path, pause, reply } from "./coordinator.js";
 import { eventsOf, noveltyOf, trainingOf } from "./curves.js";
+import { fill } from "./live.js";
 import { follow } from "./moving.js";
 
 // Minimum time between two requests for the curves.
@@ -54,25 +54,37 @@ async function draw() {
 const searching = () => facts().searching !== undefined;
 
 const found = document.getElementById("found");
-const taxonomy = live.querySelector("[data-slot=taxonomy]");
+const cards = document.getElementById("cards");
+// The state of the cards on the page.
+let carded = facts().cards;
 
-// Replaces the moving behaviours with the taxonomy, without moving the content below.
+// Requests the cards again if the taxonomy or the labels have changed.
+async function deal() {
+  const now = facts().cards;
+  if (now === carded) return;
+  carded = now;
+  const fresh = document.createElement("div");
+  if (now !== undefined) fresh.innerHTML = await insist(async () => (await reply(fetch(path("cards")))).text());
+  if (now === carded) fill(cards, fresh);
+}
+
+// Replaces the moving behaviours with the cards, without moving the content below.
 function replace() {
   const shown = document.getElementById("shown");
-  const there = taxonomy.childElementCount > 0;
-  if (shown.hidden || !there) return;
+  if (shown.hidden || cards.childElementCount === 0) return;
   found.style.minHeight = `${shown.offsetHeight + parseFloat(getComputedStyle(shown).marginTop)}px`;
   shown.hidden = true;
 }
 
 function changed() {
   replace();
+  deal();
   draw();
   follow(searching);
 }
 
 const observer = new MutationObserver(changed);
-for (const slot of live.querySelectorAll("[data-slot]")) {
+for (const slot of live.querySelectorAll("[data-slot], #cards")) {
   observer.observe(slot, { childList: true, subtree: true, attributes: true, characterData: true });
 }
 changed();

@@ -103,7 +103,7 @@ fn pair_of(record: &CampaignRecord, shown: &ShownVersion, pair: &Alike) -> Marku
     let medoids = [pair.one, pair.other].map(|place| &shown.taxonomy.medoids[place]);
     let indices = medoids.map(|medoid| medoid.individual.index);
     let [one, other] = [pair.one + 1, pair.other + 1];
-    let words = indices.map(|index| shown.words.get(&index).copied());
+    let words = indices.map(|index| shown.verdicts.get(&index).copied());
     let name = name_of(shown, pair.one).or_else(|| name_of(shown, pair.other));
     // If the judge's verdicts on the two medoids differ, no verdict is suggested as a name.
     let word = words[0].filter(|verdict| words[1] == Some(*verdict) && verdict.name() != RANDOM);

@@ -1,7 +1,11 @@
 //! The cards of behaviours on the page Taxonomy.
 
-use super::{alike, shown_version::ShownVersion, starts, versions};
-use crate::{archived, by_example, named::on_card, parts, play};
+use super::{
+    alike,
+    shown_version::{ShownVersion, on_card},
+    starts, versions,
+};
+use crate::{archived, by_example, parts, play};
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_engine::taxonomy::{ClusterName, Origin};
@@ -25,7 +29,7 @@ impl Card<'_> {
 
     /// The judge's verdict on the medoid.
     fn verdict(&self) -> Option<Verdict> {
-        self.shown.words.get(&self.index()).copied()
+        self.shown.verdicts.get(&self.index()).copied()
     }
 
     /// The name of the behaviour, or else the judge's verdict on it.
@@ -143,7 +147,7 @@ fn share(members: u64, individuals: usize) -> String {
 fn sights(card: &Card<'_>) -> Markup {
     let (record, number) = (card.record, card.place + 1);
     let medoid = &card.shown.taxonomy.medoids[card.place];
-    let spread = card.shown.measured.spreads.get(card.place).copied().flatten();
+    let spread = card.shown.measurements.spreads.get(card.place).copied().flatten();
     let members = spread
         .into_iter()
         .flat_map(|members| ["nearest", "median", "farthest"].into_iter().zip(members));
@@ -183,7 +187,7 @@ fn more(card: &Card<'_>) -> Markup {
                     div title=(purity.in_words()) { dt { "Purity" } dd { (purity.alike) " of " (purity.known) } }
                 }
                 @if let Some((robust, starts)) = card.robust() {
-                    div title="Trials of this individual to which no other behaviour on this page is nearer than this one" {
+                    div title="Trials of this individual to which no other behaviour of the taxonomy is nearer than this one" {
                         dt { "Robustness" }
                         dd { (robust) " of " (starts) " trials" }
                     }

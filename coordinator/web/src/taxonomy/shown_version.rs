@@ -2,14 +2,17 @@
 //! cluster.
 
 use super::measured::Measured;
-use crate::{Web, named::namer, page_error::PageError};
+use crate::{Web, page_error::PageError};
 use maud::Markup;
-use murmuration_engine::taxonomy::{Alike, ClusterName, Names, Taxonomy};
+use murmuration_engine::taxonomy::{Alike, ClusterName, Names, Origin, Taxonomy};
 use murmuration_model::{
     CampaignRecord,
     labels::{ClassName, Labels},
 };
-use murmuration_report as report;
+use murmuration_report::{
+    self as report,
+    card::{CardName, Namer},
+};
 use murmuration_store::{Store, StoreError, TaxonomyVersion};
 use murmuration_swarm::{Choice, Verdict};
 use std::{collections::BTreeMap, sync::Arc};
@@ -23,9 +26,9 @@ pub(crate) struct ShownVersion {
     pub(super) labels: Arc<Labels>,
     /// Pairs of clusters that touch; empty unless the version is current.
     pub(super) alike: Vec<Alike>,
-    pub(super) measured: Arc<Measured>,
+    pub(super) measurements: Arc<Measured>,
     /// The judge's verdicts on medoids, by the index of the medoid.
-    pub(crate) words: BTreeMap<u64, Verdict>,
+    pub(crate) verdicts: BTreeMap<u64, Verdict>,
     /// The purity of each cluster, if it is known, by place.
     pub(super) purities: Vec<Option<report::Purity>>,
     /// The kind of behaviour of each card, by place.
@@ -35,8 +38,11 @@ pub(crate) struct ShownVersion {
 impl ShownVersion {
     /// The current taxonomy of a campaign; `None` if the campaign has none.
     pub(crate) async fn current(web: &Web, record: &CampaignRecord) -> Result<Option<Self>, PageError> {
-        let newest = Self::read(web, record, None).await?;
-        Ok(newest.filter(|shown| shown.version.stands))
+        let newest = Self::stored(web, record, None).await?;
+        match newest.filter(|shown| shown.version.stands) {
+            Some(shown) => Ok(Some(shown.measured(web, record).await?)),
+            None => Ok(None),
+        }
     }
 
     /// The requested version, by default the newest; `None` if this version does not exist.
@@ -45,19 +51,35 @@ impl ShownVersion {
         record: &CampaignRecord,
         asked: Option<u32>,
     ) -> Result<Option<Self>, PageError> {
+        match Self::stored(web, record, asked).await? {
+            Some(shown) => Ok(Some(shown.measured(web, record).await?)),
+            None => Ok(None),
+        }
+    }
+
+    /// The requested version without its measurements.
+    async fn stored(
+        web: &Web,
+        record: &CampaignRecord,
+        asked: Option<u32>,
+    ) -> Result<Option<Self>, PageError> {
         let of = record.clone();
-        let stored = web.store.run(move |store| read(store, &of, asked)).await?;
-        let Some(mut shown) = stored else { return Ok(None) };
-        let (taxonomy, stands) = (&shown.taxonomy, shown.version.stands);
-        let measured = web.measured.of(web, record, taxonomy, stands).await?;
-        shown.measure(measured);
-        Ok(Some(shown))
+        Ok(web.store.run(move |store| read(store, &of, asked)).await?)
+    }
+
+    async fn measured(mut self, web: &Web, record: &CampaignRecord) -> Result<Self, PageError> {
+        let measured = web
+            .measured
+            .of(web, record, &self.taxonomy, self.version.stands)
+            .await?;
+        self.measure(measured);
+        Ok(self)
     }
 
     /// Notes what was measured of the version: verdicts, purities and the names that follow from them.
     fn measure(&mut self, measured: Arc<Measured>) {
         let (taxonomy, given) = (&self.taxonomy, self.labels.given_classes());
-        self.words = measured.verdicts(taxonomy);
+        self.verdicts = measured.verdicts(taxonomy);
         let medoids = || taxonomy.medoids.iter().map(|medoid| medoid.individual.index);
         let purity = |(place, index)| {
             report::Purity::of_cluster(place, index, &taxonomy.clusters, &given, &measured.judged)
@@ -65,10 +87,10 @@ impl ShownVersion {
         self.purities = medoids().enumerate().map(purity).collect();
         let kind = |(place, index): (usize, u64)| {
             let name = self.name(place).map(|name| (&name.class, namer(name.origin)));
-            report::Shown::of(name, self.words.get(&index).copied(), self.purities[place])
+            report::Shown::of(name, self.verdicts.get(&index).copied(), self.purities[place])
         };
         self.kinds = medoids().enumerate().map(kind).collect();
-        self.measured = measured;
+        self.measurements = measured;
     }
 
     pub(super) fn name(&self, place: usize) -> Option<&ClusterName> {
@@ -90,12 +112,28 @@ impl ShownVersion {
 
     /// Summary of the findings in one paragraph; empty if no behaviour has a name.
     pub(crate) fn answer(&self) -> Markup {
-        report::answer(&self.kinds, &self.measured.judged)
+        report::answer(&self.kinds, &self.measurements.judged)
     }
 
     /// Summary of the clusters at these places, which a page folds.
     pub(crate) fn folded(&self, places: &[usize]) -> String {
         report::folded(&self.kinds, places)
+    }
+}
+
+/// The name of a cluster as cards show it.
+pub(crate) fn on_card(name: &ClusterName) -> CardName {
+    CardName {
+        name: name.class.shown(),
+        by: namer(name.origin),
+    }
+}
+
+const fn namer(origin: Origin) -> Namer {
+    match origin {
+        Origin::Person => Namer::Annotator,
+        Origin::Judge => Namer::Judge,
+        Origin::Carried { .. } => Namer::Earlier,
     }
 }
 
@@ -122,8 +160,8 @@ fn read(
     };
     Ok(Some(ShownVersion {
         alike,
-        measured: Arc::default(),
-        words: BTreeMap::new(),
+        measurements: Arc::default(),
+        verdicts: BTreeMap::new(),
         purities: Vec::new(),
         kinds: Vec::new(),
         versions,

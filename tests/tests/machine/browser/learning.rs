@@ -48,7 +48,7 @@ pub async fn what_was_said_is_learned_and_the_map_changes() {
     let message = window.value("document.querySelector('.learn').dataset.ask").await;
     let message = message.as_str().unwrap();
     assert!(
-        message.contains("By the last round, it takes") && message.contains("of training"),
+        message.contains("As long as the last round:") && message.contains("of training"),
         "{message}"
     );
     window.close().await;

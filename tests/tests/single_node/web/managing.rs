@@ -152,6 +152,7 @@ async fn tags_and_notes_are_written_on_a_page_and_found_in_the_list() {
     let form = format!("/campaigns/{noted}/notes");
     let change = [
         ("former", ""),
+        ("former_note", ""),
         ("tags", "paper, baseline"),
         ("note", "First\r\n<b>second</b>"),
     ];
@@ -160,11 +161,12 @@ async fn tags_and_notes_are_written_on_a_page_and_found_in_the_list() {
         saved.headers()["location"],
         format!("/campaigns/{noted}").as_str()
     );
-    // Another person has seen the campaign without its tags, and adds one.
+    // Another person has seen the campaign without its tags and its note, and adds a tag.
     let later = [
         ("former", ""),
+        ("former_note", ""),
         ("tags", "later"),
-        ("note", "First\n<b>second</b>"),
+        ("note", ""),
     ];
     browser.post(&form, &later, own.as_deref()).await;
     let status = cluster.status(&noted).await;
@@ -189,7 +191,12 @@ async fn tags_and_notes_are_written_on_a_page_and_found_in_the_list() {
         assert_eq!(list.contains(&line(&other)), found, "{query}: {list}");
         assert!(list.contains("tag=baseline\""), "{list}");
     }
-    let refused = [("former", "paper"), ("tags", "a/b"), ("note", "")];
+    let refused = [
+        ("former", "paper"),
+        ("former_note", ""),
+        ("tags", "a/b"),
+        ("note", ""),
+    ];
     let refused = browser.post(&form, &refused, own.as_deref()).await;
     assert_eq!(refused.status(), StatusCode::BAD_REQUEST);
     let many: Vec<String> = (0..15).map(|number| format!("t{number}")).collect();
