@@ -14,7 +14,7 @@ use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, CampaignRecord, NewCampaign};
 use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoreError};
-use murmuration_swarm::{CampaignName, CampaignSpec, Controller, Invalid, grouped};
+use murmuration_swarm::{Begun, CampaignName, CampaignSpec, Controller, Invalid, grouped};
 use serde::Deserialize;
 
 /// The field of a form that has the [`Example`] of the pressed button.
@@ -110,19 +110,21 @@ pub(super) async fn search(
     let (id, model) = (record.id.clone(), record.spec.model().clone());
     let individual = web.store.run(move |store| store.individual(&id, &model, index));
     let individual = individual.await?;
-    // The seeds of campaigns have 63 bits.
-    let seed = individual.seed & i64::MAX as u64;
-    let (controller, world) = (&individual.controller, record.spec.world());
+    let controller = &individual.controller;
+    let begun = Begun {
+        name: &name(asked.example, &record.id, index),
+        world: record.spec.world(),
+        seed: CampaignSpec::seed_of(individual.seed),
+    };
     let spec = match asked.example {
-        Example::Like => CampaignSpec::begun_around(controller, world, seed)?,
-        Example::Sweep => CampaignSpec::sweep_around(controller, world, seed)?,
+        Example::Like => CampaignSpec::begun_around(controller, begun)?,
+        Example::Sweep => CampaignSpec::sweep_around(controller, begun)?,
         Example::Unlike => {
             let others = unlike(&web, &record, index).await?;
-            CampaignSpec::begun_with(controller.model(), &others, world, seed)?
+            CampaignSpec::begun_with(controller.model(), &others, begun)?
         }
     };
-    let name = name(asked.example, &record.id, index)?;
-    begin(&web, spec.with_name(name), &asked).await
+    begin(&web, spec, &asked).await
 }
 
 /// Starts a campaign that a form asked for, and redirects to it: to the map of a sweep, and to the page of another campaign.
@@ -167,12 +169,12 @@ async fn unlike(web: &Web, record: &CampaignRecord, index: u64) -> Result<Vec<Co
 }
 
 /// The name of a campaign that begins from an individual: `like-CAMPAIGN-INDEX`. Of a long id, only the end fits.
-fn name(example: Example, of: &CampaignId, index: u64) -> Result<CampaignName, Invalid> {
+fn name(example: Example, of: &CampaignId, index: u64) -> String {
     let (begins, ends) = (example.name(), format!("-{index}"));
     let room = CampaignName::MAX_LENGTH.saturating_sub(begins.len() + 1 + ends.len());
     let id = of.as_str();
     let id = id.get(id.len().saturating_sub(room)..).unwrap_or_default();
-    format!("{begins}-{id}{ends}").try_into()
+    format!("{begins}-{id}{ends}")
 }
 
 #[cfg(test)]
@@ -182,8 +184,8 @@ mod tests {
     #[test]
     fn a_name_tells_its_origin_and_fits() {
         let name = |id: &str, index| {
-            let name = name(Example::Unlike, &id.parse().unwrap(), index).unwrap();
-            name.as_str().to_owned()
+            let name = name(Example::Unlike, &id.parse().unwrap(), index);
+            CampaignName::try_from(name).unwrap().as_str().to_owned()
         };
         assert_eq!(name("quick-1", 57), "unlike-quick-1-57");
         let long = name(&format!("{}-12", "x".repeat(64)), 9_999_999);

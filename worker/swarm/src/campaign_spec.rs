@@ -13,6 +13,7 @@ use crate::{
     Feedback, ImageFormat, Invalid, Method, Scale, Search, Starts, TomlError, World, embedder, invalid,
     robot, text, toml_file,
 };
+pub use begun::Begun;
 use murmuration_proto::v1;
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.

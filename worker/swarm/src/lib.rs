@@ -37,7 +37,7 @@ mod verdict;
 mod world;
 
 pub use behaviour_space::{BehaviourSpace, Scale};
-pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
+pub use campaign_spec::{Begun, CampaignName, CampaignSpec, SpecFileError};
 pub use checkpoint::{CheckpointDigest, Lineage};
 pub use choice::Choice;
 pub use compressed_image::{CompressedImage, Compressor, Decompressor, NoImage};

@@ -39,7 +39,7 @@ use murmuration_access::Client;
 use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, CampaignState};
 use murmuration_service::OrStatus as _;
-use murmuration_swarm::{CampaignSpec, Invalid};
+use murmuration_swarm::{Begun, CampaignSpec, Invalid};
 use std::sync::Arc;
 use tonic::Status;
 
@@ -161,11 +161,14 @@ pub(super) async fn search(
     }
     let play = strictly(&parameters)?;
     check_cost(&play.world)?;
-    // The seeds of campaigns have 63 bits.
-    let seed = play.seed & i64::MAX as u64;
+    let begun = |name| Begun {
+        name,
+        world: &play.world,
+        seed: CampaignSpec::seed_of(play.seed),
+    };
     let spec = match asked.example {
-        Example::Like => CampaignSpec::begun_around(&play.controller, &play.world, seed)?,
-        Example::Sweep => CampaignSpec::sweep_around(&play.controller, &play.world, seed)?,
+        Example::Like => CampaignSpec::begun_around(&play.controller, begun("play"))?,
+        Example::Sweep => CampaignSpec::sweep_around(&play.controller, begun("play-sweep"))?,
         Example::Unlike => {
             let allowed = "\"like\" or \"sweep\": nothing of an archive is given";
             return Err(Invalid::new(FIELD, "\"unlike\"", allowed).into());

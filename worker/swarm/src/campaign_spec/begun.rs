@@ -1,15 +1,12 @@
 //! Small campaigns that begin with given controllers.
 
-use super::{CampaignName, CampaignSpec};
+use super::CampaignSpec;
 use crate::{
     CapabilityModel, Controller, ControllerSpace, GeneSpace, Invalid, Purpose, RandomStream, World, counted,
     robot,
 };
 use murmuration_proto::v1;
 
-/// Names of a search and of a sweep around a controller.
-const SEARCH: &str = "play";
-const SWEEP: &str = "play-sweep";
 /// Controllers per generation. With [`GENERATIONS`] generations, a campaign with the paper's robots takes half a minute on two
 /// cores, like `examples/quick.toml`.
 const POPULATION: u32 = 100;
@@ -18,6 +15,16 @@ const GENERATIONS: u32 = 30;
 /// with few enough controllers counts.
 const CHANGED: [usize; 2] = [2, 1];
 
+/// What a campaign that begins with given controllers has besides them.
+#[derive(Debug, Clone, Copy)]
+pub struct Begun<'a> {
+    /// The campaign's name.
+    pub name: &'a str,
+    pub world: &'a World,
+    /// The campaign's seed, see [`CampaignSpec::seed_of`].
+    pub seed: u64,
+}
+
 impl CampaignSpec {
     /// Number of evaluations of a search that begins with given controllers.
     pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
@@ -25,31 +32,36 @@ impl CampaignSpec {
     /// the whole space, so that the search can also leave the surroundings of these controllers.
     pub const BEGUN_CONTROLLERS: usize = POPULATION as usize / 2;
 
-    /// A small campaign with hand-crafted features, for the robots of `controller` in `world`. Half of the first generation is
-    /// `controller` and controllers near it; `seed` is the campaign's seed.
+    /// The seed of a campaign that begins from an individual or a swarm with the seed `of`: campaigns have only 63 bits.
+    #[must_use]
+    pub const fn seed_of(of: u64) -> u64 {
+        of & i64::MAX as u64
+    }
+
+    /// A small campaign with hand-crafted features, for the robots of `controller`. Half of the first generation is `controller`
+    /// and controllers near it.
     ///
     /// # Errors
-    /// If the robots do not fit the world, or the search does not fit in memory.
-    pub fn begun_around(controller: &Controller, world: &World, seed: u64) -> Result<Self, Invalid> {
-        Self::begun_with(controller.model(), &around(controller, seed)?, world, seed)
+    /// If the name or the seed is not allowed, the robots do not fit the world, or the search does not fit in memory.
+    pub fn begun_around(controller: &Controller, begun: Begun<'_>) -> Result<Self, Invalid> {
+        Self::begun_with(controller.model(), &around(controller, begun.seed)?, begun)
     }
 
     /// A campaign like that of [`CampaignSpec::begun_around`], whose first generation begins with `controllers`.
     ///
     /// # Errors
-    /// If the robots do not fit the world, the search does not fit in memory, or a controller is not of the model.
+    /// As for [`CampaignSpec::begun_around`], or if a controller is not of the model.
     pub fn begun_with(
         model: &CapabilityModel,
         controllers: &[Controller],
-        world: &World,
-        seed: u64,
+        begun: Begun<'_>,
     ) -> Result<Self, Invalid> {
         let search = v1::Search {
             population: Some(POPULATION),
             generations: Some(GENERATIONS),
             ..v1::Search::default()
         };
-        small(SEARCH, model, controllers, (world, seed), search)
+        small(model, controllers, begun, search)
     }
 
     /// A campaign of one generation with hand-crafted features: `controller`, and all controllers within a step of it
@@ -57,15 +69,15 @@ impl CampaignSpec {
     /// else in one gene. The first individual is `controller`.
     ///
     /// # Errors
-    /// If the robots do not fit the world, or have too many genes.
-    pub fn sweep_around(controller: &Controller, world: &World, seed: u64) -> Result<Self, Invalid> {
+    /// If the name or the seed is not allowed, or the robots do not fit the world or have too many genes.
+    pub fn sweep_around(controller: &Controller, begun: Begun<'_>) -> Result<Self, Invalid> {
         let controllers = within_a_step(controller)?;
         let search = v1::Search {
             population: Some(controllers.len() as u32),
             generations: Some(1),
             ..v1::Search::default()
         };
-        small(SWEEP, controller.model(), &controllers, (world, seed), search)
+        small(controller.model(), &controllers, begun, search)
     }
 
     /// The centre of the sweep that is the first generation; `None` if the first generation is no sweep.
@@ -77,20 +89,13 @@ impl CampaignSpec {
         let is_sweep = is_whole && within_a_step(centre).is_ok_and(|sweep| sweep == initial);
         is_sweep.then_some(centre)
     }
-
-    /// A copy with another name.
-    #[must_use]
-    pub fn with_name(self, name: CampaignName) -> Self {
-        Self { name, ..self }
-    }
 }
 
-/// A campaign with hand-crafted features whose first generation begins with `controllers`, in a world and with a seed.
+/// A campaign with hand-crafted features whose first generation begins with `controllers`.
 fn small(
-    name: &str,
     model: &CapabilityModel,
     controllers: &[Controller],
-    (world, seed): (&World, u64),
+    Begun { name, world, seed }: Begun<'_>,
     search: v1::Search,
 ) -> Result<CampaignSpec, Invalid> {
     let robots = robot::Written::from(model);
@@ -182,6 +187,14 @@ fn number_within(genes: &[(f64, Vec<f64>)], changed: usize) -> usize {
 mod tests {
     use super::*;
 
+    fn begun(world: &World, seed: u64) -> Begun<'_> {
+        Begun {
+            name: "begun",
+            world,
+            seed,
+        }
+    }
+
     #[test]
     fn a_campaign_has_the_robots_the_world_and_the_controller_that_it_is_begun_with() {
         let species = "ratios = [[3, 4], [2, 5]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{}]\n\
@@ -194,27 +207,38 @@ mod tests {
         ] {
             let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
             let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
-            let spec = CampaignSpec::begun_around(&controller, &world, 5).unwrap();
+            let spec = CampaignSpec::begun_around(&controller, begun(&world, 5)).unwrap();
             assert_eq!(
-                (spec.model(), spec.world(), spec.seed()),
-                (&model, &world, 5),
+                (spec.name().as_str(), spec.model(), spec.world(), spec.seed()),
+                ("begun", &model, &world, 5),
                 "{robots}"
             );
             let initial = spec.controllers().initial();
             assert_eq!((&initial[0], initial.len()), (&controller, 50), "{robots}");
             assert!((1..50).all(|place| !initial[..place].contains(&initial[place])));
-            let again = CampaignSpec::begun_around(&controller, &world, 5).unwrap();
-            let other = CampaignSpec::begun_around(&controller, &world, 6).unwrap();
+            let again = CampaignSpec::begun_around(&controller, begun(&world, 5)).unwrap();
+            let other = CampaignSpec::begun_around(&controller, begun(&world, 6)).unwrap();
             assert_eq!(again, spec);
             assert_ne!(other.controllers().initial(), initial);
             assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
         }
     }
 
+    #[test]
+    fn a_campaign_begins_from_every_seed_of_a_swarm() {
+        let (model, world) = CampaignSpec::robots_from_toml("model = \"single-sensor\"").unwrap();
+        let controller = Controller::new(&model, &[0.0; 4]).unwrap();
+        for (of, seed) in [(7, 7), ((1 << 63) | 7, 7), (u64::MAX, i64::MAX as u64)] {
+            let begun = begun(&world, CampaignSpec::seed_of(of));
+            let spec = CampaignSpec::begun_around(&controller, begun).unwrap();
+            assert_eq!(spec.seed(), seed);
+        }
+    }
+
     fn sweep(robots: &str, genes: &[f64]) -> CampaignSpec {
         let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
         let controller = Controller::new(&model, genes).unwrap();
-        CampaignSpec::sweep_around(&controller, &world, 5).unwrap()
+        CampaignSpec::sweep_around(&controller, begun(&world, 5)).unwrap()
     }
 
     #[track_caller]
@@ -286,7 +310,7 @@ mod tests {
         let text = format!("ratios = [[1, 1, 1, 1, 1]]\n{species}");
         let (model, world) = CampaignSpec::robots_from_toml(&text).unwrap();
         let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
-        let error = CampaignSpec::sweep_around(&controller, &world, 5).unwrap_err();
+        let error = CampaignSpec::sweep_around(&controller, begun(&world, 5)).unwrap_err();
         assert_eq!(
             error.to_string(),
             "a sweep = 1,281 controllers: must be at most 1000 controllers"
