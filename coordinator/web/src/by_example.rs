@@ -14,7 +14,7 @@ use murmuration_engine::blocking::in_background;
 use murmuration_model::{CampaignId, CampaignRecord, NewCampaign};
 use murmuration_service::OrStatus as _;
 use murmuration_store::{Store, StoreError};
-use murmuration_swarm::{Begun, CampaignName, CampaignSpec, Controller, Invalid, grouped};
+use murmuration_swarm::{Begun, CampaignName, CampaignSpec, Controller, ControllerSpace, Invalid, grouped};
 use serde::Deserialize;
 
 /// The field of a form that has the [`Example`] of the pressed button.
@@ -72,9 +72,11 @@ impl Example {
                  this behaviour, those farthest from each other",
                 CampaignSpec::BEGUN_CONTROLLERS
             ),
-            Self::Sweep => "Evaluates this controller and every controller within a step of it (a tenth of a speed's limit), once each, \
-                            and shows them on a map. With more than 1,000 combinations, at most two genes change"
-                .to_owned(),
+            Self::Sweep => format!(
+                "Evaluates this controller and every controller within a step of it (a tenth of a speed's limit), once each, and shows \
+                 them on a map. With more than {} combinations, at most two genes change",
+                grouped(ControllerSpace::MAX_INITIAL as u64)
+            ),
         }
     }
 }
