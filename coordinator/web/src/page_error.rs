@@ -47,7 +47,7 @@ fn unread(status: StatusCode) -> String {
     match status {
         StatusCode::PAYLOAD_TOO_LARGE => {
             let most = grouped(MAX_POST as u64);
-            format!("the form of this request is too long: it can have at most {most} bytes as it is sent")
+            format!("the form of this request is too long: the limit is {most} bytes, encoded")
         }
         _ => "the form of this request cannot be read: send it from the page that it belongs to".to_owned(),
     }
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_form_that_is_too_long_is_told_the_limit() {
         let told = PageError::Unread(StatusCode::PAYLOAD_TOO_LARGE).to_string();
-        assert!(told.ends_with("at most 2,097,152 bytes as it is sent"), "{told}");
+        assert!(told.ends_with("the limit is 2,097,152 bytes, encoded"), "{told}");
         let told = PageError::Unread(StatusCode::UNSUPPORTED_MEDIA_TYPE).to_string();
         assert!(told.contains("cannot be read"), "{told}");
     }

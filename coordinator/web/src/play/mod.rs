@@ -170,7 +170,7 @@ pub(super) async fn search(
         Example::Like => CampaignSpec::begun_around(&play.controller, begun("play"))?,
         Example::Sweep => CampaignSpec::sweep_around(&play.controller, begun("play-sweep"))?,
         Example::Unlike => {
-            let allowed = "\"like\" or \"sweep\": nothing of an archive is given";
+            let allowed = "\"like\" or \"sweep\": the page Play has no archive";
             return Err(Invalid::new(FIELD, "\"unlike\"", allowed).into());
         }
     };
