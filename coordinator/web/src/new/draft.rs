@@ -17,9 +17,13 @@ use toml::Table;
 /// The name of the text with the robots in the form.
 pub(super) const ROBOTS: &str = "robots";
 
-/// Maximum length of a submitted text in bytes: many times that of the longest examples. The page reads a text once for each error
-/// in it.
-const MOST_BYTES: usize = 64 << 10;
+/// The name of the parts of a campaign file that have no field in the form, and what errors call them.
+pub(super) const REST: &str = "rest";
+const REST_NAME: &str = "the fields that the form does not show";
+
+/// Maximum length of a submitted text in bytes: room for a sweep of 22 genes with all their digits (some 900 controllers), and many
+/// times the length of the longest examples. The page reads a text once for each error in it.
+const MOST_BYTES: usize = 512 << 10;
 
 /// The examples: name, description, and campaign file of each example.
 pub(super) const EXAMPLES: [(&str, &str, &str); 8] = [
@@ -129,7 +133,7 @@ impl Draft {
         for (name, text) in [
             ("text", "the campaign file"),
             (ROBOTS, "the text of the robots"),
-            ("rest", "rest"),
+            (REST, REST_NAME),
         ] {
             let bytes = given(parameters, name).len();
             if bytes > MOST_BYTES {
@@ -145,10 +149,10 @@ impl Draft {
         if parameters.iter().any(|(name, _)| name == "text") {
             return Ok(Self::File(text_of("text")));
         }
-        let rest = given(parameters, "rest");
+        let rest = given(parameters, REST);
         let mut table: Table = rest
             .parse()
-            .map_err(|_| Invalid::new("rest", quoted(rest), "the unchanged text of the page"))?;
+            .map_err(|_| Invalid::new(REST_NAME, quoted(rest), "the unchanged text of the page"))?;
         for field in fields() {
             field.put(&mut table, given(parameters, &field.path()));
         }
@@ -339,6 +343,7 @@ fn suited(mut table: Table) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_swarm::{Begun, Controller};
 
     fn form(fields: &[(&str, &str)]) -> Parameters {
         let fields = fields.iter();
@@ -358,17 +363,46 @@ mod tests {
 
     #[test]
     fn a_text_that_is_too_long_is_refused_unread() {
-        for name in ["text", ROBOTS, "rest"] {
+        for name in ["text", ROBOTS, REST] {
             // Each of these fields would be an error.
             let text: String = (0..200_000).map(|field| format!("a{field}=1\n")).collect();
             let refused = Draft::of_form(&form(&[(name, &text)])).err().unwrap();
             let refused = refused.to_string();
-            assert!(refused.contains("at most 65,536 bytes"), "{refused}");
+            assert!(refused.contains("at most 524,288 bytes"), "{refused}");
         }
         let comment = "# a long comment\n".repeat(3000);
         let text = comment + "model = \"single-sensor\"\nmethod = \"random\"\n";
         let draft = Draft::of_form(&form(&[("text", &text)])).unwrap();
         draft.checked().unwrap();
+    }
+
+    #[test]
+    fn a_large_sweep_fits_the_form() {
+        let species = |name: &str, sensors: &str| {
+            format!("[[species]]\nname = \"{name}\"\nrobot.sensors = [{sensors}]\n")
+        };
+        let robots = "ratios = [[5, 4], [4, 5]]\n".to_owned()
+            + &species("a", "{}, {}, {}")
+            + &species("b", "{ angle = \"free\", angle_range = [0, 1] }");
+        let (model, world) = CampaignSpec::robots_from_toml(&robots).unwrap();
+        // A controller of an archive has all digits of its genes.
+        let mut genes = vec![-1.0 / 3.0; model.genes()];
+        let free = model.genes() - 2;
+        genes[free..].copy_from_slice(&[1.0 / 3.0, 0.0]);
+        let centre = Controller::new(&model, &genes).unwrap();
+        let begun = Begun {
+            name: "sweep",
+            world: &world,
+            seed: 1,
+        };
+        let spec = CampaignSpec::sweep_around(&centre, begun).unwrap();
+        assert!(spec.search().population() > 900);
+        let Draft::Fields(filled) = Draft::copy(&spec) else {
+            unreachable!()
+        };
+        let rest = filled.table.to_string();
+        let draft = Draft::of_form(&form(&[(REST, &rest), (ROBOTS, &filled.robots)]));
+        assert!(draft.is_ok(), "{} bytes", rest.len());
     }
 
     #[test]

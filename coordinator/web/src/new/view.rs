@@ -2,7 +2,7 @@
 
 use super::{
     super::{layout::layout_with, robot_editor, visitor::Visitor},
-    draft::{Draft, EXAMPLES, Filled, ROBOTS},
+    draft::{Draft, EXAMPLES, Filled, REST, ROBOTS},
     every_field,
     fields::{Field, GROUPS, Kind, OWN_ROBOTS, fields},
     problems::Problem,
@@ -193,7 +193,7 @@ fn as_fields(filled: &Filled, problems: &[Problem]) -> Markup {
         problems,
     };
     html! {
-        input type="hidden" name="rest" value=(rest);
+        input type="hidden" name=(REST) value=(rest);
         @for (place, (title, fields)) in GROUPS.iter().enumerate() { (group(&form, title, fields, place == 0)) }
     }
 }
