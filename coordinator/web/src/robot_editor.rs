@@ -33,6 +33,8 @@ pub(super) struct Described {
     after: String,
     /// Whether other comments are lost when the editor writes the text.
     loses_comments: bool,
+    /// The number of robots that the text gives for the world; `None` if it gives none.
+    agents: Option<Value>,
     /// Radius of the bodies and of the wheels of robots that give none.
     radius: f64,
     wheel_radius: f64,
@@ -69,6 +71,7 @@ fn read(text: &str) -> Result<Described, String> {
     let text = if text.trim().is_empty() { USUAL } else { text };
     let (model, world) = CampaignSpec::robots_from_toml(text).map_err(|error| error.to_string())?;
     let mut table: Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+    let agents = table.get("world").and_then(|world| world.get("agents")).cloned();
     let robots = shown(&mut table, &model);
     let (tables, values): (Table, Table) = table.into_iter().partition(|(_, value)| has_tables(value));
     let (head, rest) = text.split_at(head_of(text));
@@ -78,6 +81,7 @@ fn read(text: &str) -> Result<Described, String> {
         before: values.to_string(),
         after: tables.to_string(),
         loses_comments: rest.contains('#'),
+        agents,
         radius: world.radius(),
         wheel_radius: world.wheel_radius(),
         robots,
@@ -251,6 +255,14 @@ mod tests {
         assert_eq!(a.species.as_ref().unwrap().to_string(), "name = \"a\"\n");
         assert_eq!(a.robot["sensors"].as_array().map(Vec::len), Some(2));
         assert_eq!(b.robot["sensors"].to_string(), "[{ angle = 1.0 }]");
+    }
+
+    #[test]
+    fn the_number_of_robots_is_that_of_the_text() {
+        let agents = |world: &str| read(&format!("{USUAL}{world}")).unwrap().agents;
+        assert_eq!(agents("[world]\nagents = 30\n"), Some(Value::Integer(30)));
+        assert_eq!(agents("[world]\nwidth = 700\n"), None);
+        assert_eq!(agents(""), None);
     }
 
     #[test]

@@ -28,8 +28,8 @@ class State {
     return this.genes.map((gene) => Number(gene.value));
   }
 
-  // `robot` is a description of other robots, for the same controller.
-  query(robot = null) {
+  // `robot` is a description of other robots, for the same controller; with `isRecounted`, it also gives their number.
+  query({ robot = null, isRecounted = false } = {}) {
     const given = new URLSearchParams(location.search);
     const query = new URLSearchParams();
     if (robot !== null) query.set("robot", robot);
@@ -37,7 +37,7 @@ class State {
     else query.set("robot", given.get("robot"));
     query.set("genes", this.genes.map((gene) => gene.value).join(","));
     query.set("seed", at("seed").value);
-    if (at("robots")) query.set("robots", at("robots").value);
+    if (at("robots") && !isRecounted) query.set("robots", at("robots").value);
     return query.toString();
   }
 
@@ -136,10 +136,10 @@ function playground() {
   form.addEventListener("submit", async (event) => {
     if (isReady) return;
     event.preventDefault();
-    const { robot, problem } = await edited();
+    const { problem, ...edits } = await edited();
     comparison.tell(problem, true);
     if (problem || !isValid()) return;
-    form.action = `${base}/play/search?${state.query(robot)}`;
+    form.action = `${base}/play/search?${state.query(edits)}`;
     // A form cannot be sent while its own event is handled.
     await pause(0);
     isReady = true;

@@ -23,9 +23,18 @@ function element(name, properties = {}, ...inner) {
 
 const button = (text, act) => element("button", { type: "button", className: "plain", textContent: text, onclick: act });
 
+// A key of everything that the genes of a controller depend on. While the key is the same, a controller fits the robots.
+function genes({ before, robots }) {
+  const sensor = (of) => (of.angle === "free" ? [of.angle_range, of.angles] : null);
+  const robot = ({ sensors, drive, max_speed, max_turn }) => [sensors.map(sensor), drive, max_speed, max_turn];
+  return JSON.stringify([before, robots.map((of) => [of.species, robot(of.robot)])]);
+}
+
 class Editor {
   constructor(root, text) {
     this.text = text;
+    // The description of the page's own text, which the browser can have replaced by an edited one before this script runs.
+    this.own = null;
     this.root = root;
     this.fields = root.querySelector(".robot-fields");
     this.status = root.querySelector(".status");
@@ -52,13 +61,14 @@ class Editor {
   // Reads the text with the coordinator, which knows its format. A text with an error keeps the last drawing, which waits.
   async read() {
     const asked = this.text.value;
-    const described = await this.ask(asked);
-    if (asked !== this.text.value || !described) return;
+    const own = this.text.defaultValue;
+    this.own ??= await this.ask(own);
+    const described = asked === own ? this.own : await this.ask(asked);
+    if (asked !== this.text.value || !this.own || !described) return;
     this.known = asked;
     this.fields.inert = Boolean(described.error);
     if (described.error) return this.tell(`The drawing waits until the text is right. ${described.error}`, true);
     this.described = copied(described);
-    this.first ??= this.genes();
     this.of = Math.min(this.of, described.robots.length - 1);
     this.tell(described.loses_comments ? "When you change the drawing, comments inside the text are left out. Undo brings them back." : "");
     this.build(this.drawing.place ?? 0);
@@ -86,13 +96,6 @@ class Editor {
 
   get sensor() {
     return this.robot.sensors[this.drawing.place];
-  }
-
-  // A key of everything that the genes of a controller depend on. While the key is the same, a controller fits the robots.
-  genes() {
-    const sensor = (of) => (of.angle === "free" ? [of.angle_range, of.angles] : null);
-    const robot = ({ sensors, drive, max_speed, max_turn }) => [sensors.map(sensor), drive, max_speed, max_turn];
-    return JSON.stringify([this.described.before, this.described.robots.map((of) => [of.species, robot(of.robot)])]);
   }
 
   inUnit(angle) {
@@ -370,7 +373,12 @@ class Editor {
 
   // Whether a controller of the robot of the page fits the robot of the text.
   get isSame() {
-    return Boolean(this.described) && this.genes() === this.first && !this.fields.inert;
+    return Boolean(this.described) && genes(this.described) === genes(this.own) && !this.fields.inert;
+  }
+
+  // Whether the text gives another number of robots than the page's own text. The number of the text then counts.
+  get isRecounted() {
+    return Boolean(this.described) && this.described.agents !== this.own.agents;
   }
 
   // Why the controller of the page Play cannot be used with the robot of the text; empty if it can be used.
@@ -385,7 +393,8 @@ class Editor {
   // The page Play keeps its seed, and its controller as long as the controller fits the robot.
   keep(form) {
     const given = new URLSearchParams(location.search);
-    for (const name of this.isSame ? ["genes", "seed", "robots"] : ["seed"]) {
+    const kept = ["seed", ...(this.isSame ? ["genes"] : []), ...(this.isSame && !this.isRecounted ? ["robots"] : [])];
+    for (const name of kept) {
       if (given.has(name)) form.append(element("input", { type: "hidden", name, value: given.get(name) }));
     }
   }
@@ -393,12 +402,12 @@ class Editor {
 
 let editor = null;
 
-// The text of the editor's robot if a person has changed it since the page was loaded, or else null; and why the controller of the
-// page cannot be used with this robot, empty if it can be used.
+// The text of the editor's robot if a person has changed it since the page was loaded, or else null; whether the text gives another
+// number of robots; and why the controller of the page cannot be used with this robot, empty if it can be used.
 export async function edited() {
-  if (editor === null || editor.text.value === editor.text.defaultValue) return { robot: null, problem: "" };
+  if (editor === null || editor.text.value === editor.text.defaultValue) return { robot: null, isRecounted: false, problem: "" };
   const problem = await editor.problem();
-  return { robot: editor.text.value, problem };
+  return { robot: editor.text.value, isRecounted: editor.isRecounted, problem };
 }
 
 const root = document.getElementById("robot-editor");

@@ -502,16 +502,19 @@ pub async fn a_search_and_a_sweep_take_the_robot_as_it_was_edited() {
         .goto("model=single-sensor&genes=0.6,1,0.4,0.5&seed=7")
         .await;
     window.until(&format!("{STEP} > 20")).await;
+    // A browser can restore an edited text before the editor reads it. The controller does not fit a robot with another sensor, so
+    // that the page says what to do first.
+    let restore = "document.getElementById('robot').value = '[robot]\\nsensors = [{}, { angle = 1.0 }]\\n'";
+    window.driver.execute(restore, vec![]).await.unwrap();
     window.click(".described summary").await;
     window.until("document.querySelector('.robot-fields svg')").await;
-    // The controller does not fit a robot with another sensor, so that the page says what to do first.
-    edit("[robot]\nsensors = [{}, { angle = 1.0 }]\n").await;
     window.click(BUTTONS).await;
     window
         .until("document.querySelector('#compared.wrong')?.textContent.includes('Press “Use this robot”')")
         .await;
-    // A controller that fits goes with the edited robot.
-    edit("[robot]\nradius = 7.0\nsensors = [{}]\n").await;
+    // A controller that fits goes with the edited robot, and with the edited number of robots.
+    const THIRTY: &str = "[robot]\nradius = 7.0\nsensors = [{}]\n[world]\nagents = 30 # not 24\n";
+    edit(THIRTY).await;
     window.click(&format!("{BUTTONS}[value=sweep]")).await;
     // The map shows the centre of the sweep.
     window
@@ -526,10 +529,28 @@ pub async fn a_search_and_a_sweep_take_the_robot_as_it_was_edited() {
     let spec = window.value("document.querySelector('pre').textContent").await;
     let spec = CampaignSpec::from_toml(spec.as_str().unwrap()).unwrap();
     assert_eq!(spec.model().species()[0].robot().radius(), 7.0);
+    assert_eq!(spec.world().agents(), 30);
     assert_eq!(
         spec.sweep_centre().map(Controller::genes),
         Some(&[0.6, 1.0, 0.4, 0.5][..])
     );
+    // “Use this robot” also takes the edited number, and keeps the controller and the seed.
+    playground
+        .goto("model=single-sensor&genes=0.6,1,0.4,0.5&seed=7")
+        .await;
+    window.until(&format!("{QUERY}.robots === '24'")).await;
+    window.click(".described summary").await;
+    window.until("document.querySelector('.robot-fields svg')").await;
+    edit(THIRTY).await;
+    window
+        .until("document.querySelector('.robot-editor .status').textContent.includes('comments')")
+        .await;
+    window.click(".described form button").await;
+    window
+        .until(&format!(
+            "{QUERY}.robots === '30' && {QUERY}.genes === '0.6,1,0.4,0.5' && {QUERY}.seed === '7'"
+        ))
+        .await;
     playground.close().await;
 }
 
