@@ -84,9 +84,10 @@ pub enum MirrorError {
     )]
     NotEmpty { data: PathBuf, place: String },
     #[error(
-        "the database in data directory {data} is an older copy: it lacks {} of the mirror {place}, and would replace what it lacks. \
+        "the database in data directory {data} is an older copy: it lacks {} of the mirror {place}, and would overwrite {}. \
          To go on from the mirror, name a new --data with --from-mirror; to go on from the older copy, name an empty place with --mirror",
-        counted(u64::from(*.missing), "change")
+        counted(u64::from(*.missing), "change"),
+        if *.missing == 1 { "it" } else { "them" }
     )]
     SetBack {
         data: PathBuf,
@@ -176,6 +177,16 @@ pub struct Claimed {
 /// See [`MirrorError`]. Nothing is written to a mirror that belongs to another data directory, unless `from_mirror` is true and the
 /// mirror's database could be made.
 pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> Result<Claimed, MirrorError> {
+    claim_within(data, location, from_mirror, CLAIM_LIMIT).await
+}
+
+/// Like [`claim`], with attempts for the time `limit`.
+async fn claim_within(
+    data: &DataDirectory,
+    location: &str,
+    from_mirror: bool,
+    limit: Duration,
+) -> Result<Claimed, MirrorError> {
     let entries = Entries {
         objects: open(location, data.path())?,
     };
@@ -196,6 +207,7 @@ pub async fn claim(data: &DataDirectory, location: &str, from_mirror: bool) -> R
         data: data.path(),
         from_mirror,
         writers: &writers,
+        limit,
     };
     if claiming.inode.is_some() {
         // A database that cannot be opened must not end the coordinator that has the mirror.
@@ -222,6 +234,8 @@ struct Claiming<'a> {
     inode: Option<u64>,
     from_mirror: bool,
     writers: &'a Writers,
+    /// Time for attempts.
+    limit: Duration,
 }
 
 /// The inode of the database at `path`; `None` if there is none.
@@ -240,8 +254,9 @@ impl Claimed {
         } = claiming;
         let has_database = claiming.inode.is_some();
         let mut restore: Option<Restore> = None;
-        let mut vanished = 0;
-        let last = Instant::now() + CLAIM_LIMIT;
+        // Errors of the attempts since the mirror's database could last be made.
+        let mut vanished = Vec::new();
+        let last = Instant::now() + claiming.limit;
         while Instant::now() < last {
             let all = self.entries.list().await?;
             let (mut former, mut restores) = (String::new(), false);
@@ -283,14 +298,11 @@ impl Claimed {
                 (true, true, false) => match self.restored(restore.take(), &all, data).await {
                     Ok(restored) => restore = Some(restored),
                     Err(error) if error.is_not_found() => {
-                        vanished += 1;
-                        if vanished == RESTORES {
-                            return Err(MirrorError::Damaged {
-                                object: place.clone(),
-                                reason: error.to_string(),
-                            });
+                        vanished.push(error);
+                        match vanished.len() {
+                            RESTORES => break,
+                            _ => continue,
                         }
-                        continue;
                     }
                     Err(error) => return Err(error),
                 },
@@ -302,6 +314,7 @@ impl Claimed {
                 }
                 (false, ..) => {}
             }
+            vanished.clear();
             let known = Known {
                 mirror: place.clone(),
                 claims: writers.claims_of(&former),
@@ -326,7 +339,13 @@ impl Claimed {
             let pause = getrandom::u64().unwrap_or_default() % LONGEST_CLAIM_PAUSE_MS;
             tokio::time::sleep(Duration::from_millis(pause)).await;
         }
-        Err(MirrorError::Contested(place.clone()))
+        Err(match vanished.pop() {
+            Some(error) => MirrorError::Damaged {
+                object: place.clone(),
+                reason: error.to_string(),
+            },
+            None => MirrorError::Contested(place.clone()),
+        })
     }
 
     /// Checks that the mirror has the claims of the process of this directory that wrote its newest entry. An entry alone can have gone

@@ -797,6 +797,10 @@ async fn what_is_missing_from_a_mirror_is_named() {
         refused.contains("00000000000000000003") && refused.contains("damaged"),
         "{refused}"
     );
+    // The time can end before the attempts.
+    let data = DataDirectory::hold(&place.folder.path().join("third")).unwrap();
+    let refused = claim_within(&data, &place.mirror(), true, Duration::from_millis(10)).await;
+    assert!(matches!(refused, Err(MirrorError::Damaged { .. })), "{refused:?}");
     fs::remove_dir_all(&log).unwrap();
     let refused = place.start("second", true).await.err().unwrap().to_string();
     assert!(refused.contains("it has snapshots"), "{refused}");
