@@ -5,7 +5,7 @@ use super::{
     lease::{self, Lease, Unknown},
     open,
 };
-use murmuration_files::{expect_own_file, expect_regular};
+use murmuration_files::{expect_own_file, expect_regular, has_no_locks};
 use murmuration_search::interrupt::Interrupt;
 use std::{
     fs,
@@ -334,9 +334,7 @@ fn refused(refusal: lease::Refusal, path: &Path, lock: fs::File) -> StoreError {
 
 /// Accepts that a shared file system has no locks: the lease of the data directory does without them.
 fn without_locks(error: io::Error, file_system: &FileSystem) -> io::Result<()> {
-    let has_none = error.kind() == io::ErrorKind::Unsupported
-        || error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error());
-    match has_none && !file_system.is_local() {
+    match has_no_locks(&error) && !file_system.is_local() {
         true => Ok(()),
         false => Err(io::Error::other(format!("{error} (on {file_system})"))),
     }

@@ -13,4 +13,4 @@ pub use folder::{Folder, FolderError, Replaces};
 pub use input::{InputKind, TooLong, expect_own_file, expect_regular, open, read_bytes, read_text, text_of};
 pub use listed::{digest_of, listed_file};
 pub use new_file::{NewFile, Written, write_file};
-pub use unfinished::{UnfinishedFolder, remove_leftovers};
+pub use unfinished::{UnfinishedFolder, has_no_locks, remove_leftovers};

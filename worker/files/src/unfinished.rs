@@ -1,6 +1,6 @@
 //! Folders that are being filled, and leftovers of processes that were killed while filling them.
 
-use rustix::process::geteuid;
+use rustix::{io::Errno, process::geteuid};
 use std::{
     fs::{self, File, Metadata, Permissions, TryLockError},
     io,
@@ -12,8 +12,8 @@ use tempfile::TempDir;
 /// Maximum number of attempts to create a folder. Another process can remove a new folder as a leftover.
 const ATTEMPTS: u32 = 8;
 
-/// A folder that is being filled. The folder's lock shows other processes that the folder is in use. Dropping this value removes
-/// the folder.
+/// A folder that is being filled. The folder's lock shows other processes that the folder is in use. On a file system without locks,
+/// no process removes leftovers, so the folder needs none. Dropping this value removes the folder.
 #[derive(Debug)]
 pub struct UnfinishedFolder {
     folder: TempDir,
@@ -25,7 +25,7 @@ impl UnfinishedFolder {
     /// `parent`.
     ///
     /// # Errors
-    /// The system's error, or an error if the file system has no locks.
+    /// The system's error.
     pub fn new(parent: &Path, prefix: &str) -> io::Result<Self> {
         Self::with_mode(parent, prefix, 0o755)
     }
@@ -39,6 +39,16 @@ impl UnfinishedFolder {
     }
 
     fn with_mode(parent: &Path, prefix: &str, mode: u32) -> io::Result<Self> {
+        Self::locked(parent, prefix, mode, File::try_lock)
+    }
+
+    /// Creates a folder, with `lock` to lock it.
+    fn locked(
+        parent: &Path,
+        prefix: &str,
+        mode: u32,
+        lock: impl Fn(&File) -> Result<(), TryLockError>,
+    ) -> io::Result<Self> {
         remove_leftovers(parent, prefix);
         for _ in 0..ATTEMPTS {
             let folder = tempfile::Builder::new()
@@ -47,15 +57,19 @@ impl UnfinishedFolder {
                 .permissions(Permissions::from_mode(mode))
                 .tempdir_in(parent)?;
             // Another process may have removed the new folder as a leftover.
-            let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
-            match lock {
-                Ok(lock) if folder.path().exists() => return Ok(Self { folder, lock }),
-                _ => {}
+            let Ok(opened) = File::open(folder.path()) else {
+                continue;
+            };
+            match lock(&opened) {
+                Err(TryLockError::WouldBlock) => continue,
+                Err(TryLockError::Error(error)) if !has_no_locks(&error) => return Err(error),
+                Ok(()) | Err(TryLockError::Error(_)) => {}
+            }
+            if folder.path().exists() {
+                return Ok(Self { folder, lock: opened });
             }
         }
-        Err(io::Error::other(
-            "the file system has no locks, or another process keeps removing the new folder",
-        ))
+        Err(io::Error::other("another process keeps removing the new folder"))
     }
 
     #[must_use]
@@ -69,6 +83,13 @@ impl UnfinishedFolder {
     pub fn keep(self) -> (PathBuf, File) {
         (self.folder.keep(), self.lock)
     }
+}
+
+/// Whether a file cannot be locked because its file system has no locks: Lustre mounted without `flock`, or NFS without its daemon
+/// for locks.
+#[must_use]
+pub fn has_no_locks(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::Unsupported || error.raw_os_error() == Some(Errno::NOLCK.raw_os_error())
 }
 
 /// Number of letters and digits that follow the prefix of a name.
@@ -129,5 +150,22 @@ mod tests {
         drop((living, other, secret));
         let left = others.len() + usize::from(other_user);
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), left);
+    }
+
+    #[test]
+    fn a_file_system_without_locks_has_folders_too() {
+        let parent = tempfile::tempdir().unwrap();
+        let with = |errno: Errno| {
+            let lock = |_: &File| Err(TryLockError::Error(errno.into()));
+            UnfinishedFolder::locked(parent.path(), ".new-", 0o700, lock)
+        };
+        for errno in [Errno::NOSYS, Errno::NOTSUP, Errno::NOLCK] {
+            assert!(with(errno).unwrap().path().exists());
+        }
+        assert_eq!(
+            with(Errno::IO).unwrap_err().raw_os_error(),
+            Some(Errno::IO.raw_os_error())
+        );
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
     }
 }
