@@ -5,6 +5,7 @@
 
 use super::{APPLICATION, FURTHER_TABLES};
 use crate::{Store, StoreError, numbers::clamped, open::uri_path, schema};
+use murmuration_model::{Note, Tag, Tags};
 use murmuration_onnx::MAX_MODEL_BYTES;
 use murmuration_swarm::{Invalid, Text};
 use rusqlite::{Connection, ErrorCode, OpenFlags, config::DbConfig, limits::Limit};
@@ -23,6 +24,9 @@ const MAX_SCHEMA_BYTES: i32 = 64 << 10;
 /// Maximum number of steps of SQLite's virtual machine in one statement while the schema is read; an export's schema takes a few
 /// hundred.
 const MAX_SCHEMA_STEPS: i32 = 20_000;
+
+/// Maximum number of bytes of a campaign's tags, with spaces between them, and of its note. A character has up to 4 bytes.
+const MAX_NOTES_BYTES: usize = 4 * (Tags::MOST * (Tag::MOST + 1) + Note::MOST);
 
 /// Tables that may have rows in the database of a campaign; all other tables must be empty.
 const FILLED: [&str; 10] = [
@@ -196,10 +200,12 @@ fn check_rows(store: &Store) -> Result<(), Unsound> {
     expect_none(
         store,
         "campaigns",
-        "octet_length(id) + octet_length(state) + octet_length(error) + octet_length(simulator_version)
-                + octet_length(tags) + octet_length(note) > 32768
+        &format!(
+            "octet_length(id) + octet_length(state) + octet_length(error) + octet_length(simulator_version) > 16384
+            OR octet_length(tags) + octet_length(note) > {MAX_NOTES_BYTES}
             OR octet_length(spec) > 1048576 OR octet_length(study) > 0 OR request IS NOT NULL
-            OR min(created_ms, weight, decisions, rollbacks, rounds, last_label_cutoff) < 0 OR label_cutoff < 0 OR ended_ms < 0",
+            OR min(created_ms, weight, decisions, rollbacks, rounds, last_label_cutoff) < 0 OR label_cutoff < 0 OR ended_ms < 0"
+        ),
     )?;
     expect_none(store, "checkpoints", "created_ms < 0 OR size < 0")?;
     expect_none(

@@ -317,6 +317,29 @@ fn values_of_another_length_or_range_are_refused_before_they_are_read() {
 }
 
 #[test]
+fn the_longest_tags_and_note_leave_room_for_a_long_error() {
+    let tags: Vec<String> = (10..26).map(|tag| format!("{}{tag}", "𝔸".repeat(30))).collect();
+    let (tags, note) = (tags.join(" "), "𝔸".repeat(4_000));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    let set =
+        format!("UPDATE campaigns SET tags = '{tags}', note = '{note}', error = printf('%.16000c', 'x')");
+    fs::write(&file, changed(&set)).unwrap();
+    let notes = contents(&file).unwrap().campaign.record.notes;
+    assert_eq!(
+        (notes.tags.to_string(), notes.note.as_str()),
+        (tags, note.as_str())
+    );
+    for change in [
+        "error = printf('%.16400c', 'x')",
+        "tags = printf('%.20000c', 'x')",
+    ] {
+        let reason = "its table campaigns has a value that `murmuration export` never writes";
+        assert_refused(&format!("UPDATE campaigns SET {change}"), reason);
+    }
+}
+
+#[test]
 fn values_that_no_campaign_has_are_named() {
     for (statements, reason) in [
         ("UPDATE campaigns SET id = '../../etc-1'", "../../etc-1"),
