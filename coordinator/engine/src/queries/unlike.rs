@@ -24,10 +24,12 @@ pub(super) fn unlike(
     spec: &CampaignSpec,
     interrupt: &Interrupt,
 ) -> Result<Vec<usize>, Interrupted> {
-    let distance = |&other: &usize| behaviours.squared_distance(index, other);
-    let mut far: Vec<usize> = (0..behaviours.len()).filter(|&other| other != index).collect();
-    far.sort_by(|one, other| distance(other).total_cmp(&distance(one)));
-    far.truncate((behaviours.len() / FARTHEST).max(count));
+    let far = farthest(
+        behaviours,
+        index,
+        (behaviours.len() / FARTHEST).max(count),
+        interrupt,
+    )?;
     if far.is_empty() {
         return Ok(far);
     }
@@ -38,6 +40,29 @@ pub(super) fn unlike(
     let order = medoids::order(&among, vec![0], further, neighbours, &mut stream, interrupt)?;
     let chosen = [0].into_iter().chain(order).take(count);
     Ok(chosen.map(|place| far[place]).collect())
+}
+
+/// The `count` behaviours that are farthest from behaviour `index`, the farthest first; of equally far ones, the first of the archive.
+fn farthest(
+    behaviours: &Behaviours,
+    index: usize,
+    count: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<usize>, Interrupted> {
+    let others = (0..behaviours.len()).filter(|&other| other != index);
+    let mut distances: Vec<(f64, usize)> = others
+        .map(|other| (behaviours.squared_distance(index, other), other))
+        .collect();
+    interrupt.check()?;
+    let farther =
+        |one: &(f64, usize), other: &(f64, usize)| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1));
+    if count < distances.len() {
+        distances.select_nth_unstable_by(count, farther);
+        distances.truncate(count);
+    }
+    distances.sort_unstable_by(farther);
+    interrupt.check()?;
+    Ok(distances.into_iter().map(|(_, other)| other).collect())
 }
 
 #[cfg(test)]
@@ -51,6 +76,21 @@ mod tests {
             behaviours.push(&[point]).unwrap();
         }
         unlike(&behaviours, index, count, &spec, &Interrupt::default()).unwrap()
+    }
+
+    #[test]
+    fn the_farthest_of_equally_far_behaviours_are_the_first_ones() {
+        let mut behaviours = Behaviours::new(1);
+        for point in [0.0, 2.0, -2.0, 1.0, -1.0, 2.0] {
+            behaviours.push(&[point]).unwrap();
+        }
+        let interrupt = Interrupt::default();
+        let farthest = |count| farthest(&behaviours, 0, count, &interrupt);
+        assert_eq!(farthest(0), Ok(vec![]));
+        assert_eq!(farthest(2), Ok(vec![1, 2]));
+        assert_eq!(farthest(9), Ok(vec![1, 2, 5, 3, 4]));
+        interrupt.raise();
+        assert_eq!(farthest(2), Err(Interrupted));
     }
 
     #[test]
