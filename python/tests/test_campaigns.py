@@ -330,6 +330,10 @@ def test_tags_and_a_note_are_kept(client: mm.Client) -> None:
     assert (list(status.tags), status.note) == (["baseline"], "Repeat")
     with pytest.raises(mm.InvalidError, match="tag"):
         campaign.note(add=["two words"])
+    for given in ({"add": "baseline"}, {"remove": "baseline"}):
+        with pytest.raises(mm.InvalidError, match="a list of tags"):
+            campaign.note(**given)
+    assert list(campaign.status().tags) == ["baseline"]
 
 
 def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.CaptureFixture[str]) -> None:

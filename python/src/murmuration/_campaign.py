@@ -647,8 +647,8 @@ class Campaign:
         """
         request = v1.NoteCampaignRequest(
             campaign=self.id,
-            add_tags=[text("add", tag) for tag in add],
-            remove_tags=[text("remove", tag) for tag in remove],
+            add_tags=_tags("add", add),
+            remove_tags=_tags("remove", remove),
             note=None if note is None else text("note", note),
         )
         self._client.rpc.call("CampaignService/NoteCampaign", request, v1.Campaign)
@@ -663,6 +663,13 @@ class Campaign:
 
     def _classes(self) -> dict[int, str]:
         return tables.classes_of(self._standing())
+
+
+def _tags(field: str, given: Iterable[str]) -> list[str]:
+    """The tags to add or to remove; a string would be a tag for each letter."""
+    if isinstance(given, str):
+        raise InvalidError.of(field, shown(given), "a list of tags, such as ['baseline']")
+    return [text(field, tag) for tag in given]
 
 
 def state_of(campaign: v1.Campaign) -> str:
