@@ -33,7 +33,7 @@ pub struct NoteCommand {
     #[arg(long, value_name = "TAG")]
     untag: Vec<Tag>,
     /// Replace the note, at most 4,000 characters; '' removes it
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", allow_hyphen_values = true)]
     text: Option<Note>,
 }
 
@@ -65,5 +65,26 @@ impl NoteCommand {
         let next = global.next(&format!("show {}", campaign.id));
         errln!("campaign {} has {tags}, and {note}; next: {next}", campaign.id);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        note: NoteCommand,
+    }
+
+    #[test]
+    fn a_note_may_begin_with_a_hyphen() {
+        for text in ["- repeat", "-", "--noise is too low"] {
+            let line = Line::try_parse_from(["note", "small-1", "--text", text, "--tag", "paper"]).unwrap();
+            assert_eq!(line.note.text.unwrap().as_str(), text);
+            assert_eq!(line.note.tag.len(), 1);
+        }
     }
 }

@@ -15,7 +15,10 @@ use murmuration_model::CampaignId;
 use murmuration_proto::v1;
 use murmuration_report as report;
 use murmuration_service::report_data::{self, PicturesOf};
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 #[derive(Debug, clap::Args)]
 pub struct ReportCommand {
@@ -68,14 +71,15 @@ impl ReportCommand {
     }
 }
 
-/// Checks that the folder of a data directory can hold a report, before workers simulate for the report.
+/// Checks that the folder of a data directory can hold a report, before workers simulate for the report. Leaves no new folder.
 fn expect_writable(folder: &Path) -> Result<(), CliError> {
-    match Folder::create(folder, Replaces::All) {
-        Ok(_) => Ok(()),
-        Err(error) => Err(CliError::Input(format!(
-            "{error}: name a folder for the report with --out DIR"
-        ))),
+    let is_new = !folder.exists();
+    let begun = Folder::create(folder, Replaces::All).map(drop);
+    if is_new {
+        // An empty folder does no harm.
+        let _ = fs::remove_dir(folder);
     }
+    begun.map_err(|error| CliError::Input(format!("{error}: name a folder for the report with --out DIR")))
 }
 
 /// Tells why a report or a figure is not written yet, if the coordinator has no worker.
@@ -110,5 +114,23 @@ pub(super) async fn write_report(
         Err(_) => Err(CliError::Failed(
             "the report could not be written because of a bug".to_owned(),
         )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_check_of_a_folder_leaves_no_new_folder() {
+        let reports = tempfile::tempdir().unwrap();
+        let [new, former] = ["new-1", "former-2"].map(|name| reports.path().join(name));
+        fs::create_dir(&former).unwrap();
+        fs::write(reports.path().join("file"), "").unwrap();
+        expect_writable(&new).unwrap();
+        expect_writable(&former).unwrap();
+        assert!(!new.exists() && former.exists());
+        let refused = expect_writable(&reports.path().join("file")).unwrap_err();
+        assert!(refused.to_string().contains("--out DIR"), "{refused}");
     }
 }
