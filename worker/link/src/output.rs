@@ -134,8 +134,12 @@ fn clean(error: &mut clap::Error) {
 /// For a mistyped command, suggests the command with the smallest edit distance. By clap's own measure of similarity `rn` is
 /// nearer to `quarantine` than to `run`.
 fn suggest(error: &mut clap::Error, command: Command, words: &[OsString]) {
-    if error.kind() == ErrorKind::UnknownArgument {
-        // clap suggests passing the unknown option as a value, which is never the intention.
+    if matches!(
+        error.kind(),
+        ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand
+    ) {
+        // clap suggests passing the unknown word as a value, which is never the intention. An empty list of suggestions is an empty
+        // line.
         error.remove(ContextKind::Suggested);
     }
     let Some(ContextValue::String(mistyped)) = error.get(ContextKind::InvalidSubcommand) else {
@@ -170,6 +174,23 @@ mod tests {
     struct Arguments {
         #[arg(long)]
         seed: Option<u64>,
+    }
+
+    #[test]
+    fn a_mistyped_command_suggests_the_nearest_one_if_any_is_near() {
+        let command = Command::new("murmuration")
+            .subcommand(Command::new("note"))
+            .subcommand(Command::new("run"));
+        let message = |mistyped: &str| {
+            let words = ["murmuration", mistyped].map(OsString::from);
+            let mut error = command.clone().try_get_matches_from(&words).unwrap_err();
+            suggest(&mut error, command.clone(), &words);
+            error.to_string()
+        };
+        assert!(message("rn").contains("'run'"), "{}", message("rn"));
+        // clap finds `note` similar.
+        let far = message("nonsense");
+        assert!(!far.contains("note") && !far.contains("\n\n\n"), "{far:?}");
     }
 
     #[test]
