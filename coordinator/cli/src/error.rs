@@ -51,17 +51,16 @@ impl CliError {
         Self::Failed(reason.to_string())
     }
 
-    /// A file named by the user that cannot be read.
     /// A file that cannot be read. If the file does not exist, the message names a similar file in the same folder.
     pub fn unreadable(path: &Path, error: &io::Error) -> Self {
-        let meant = match error.kind() {
+        let similar = match error.kind() {
             io::ErrorKind::NotFound => similar_file(path),
             _ => None,
         };
-        let meant = meant.map_or_else(String::new, |meant| {
-            format!(": did you mean {}?", meant.display())
+        let question = similar.map_or_else(String::new, |similar| {
+            format!(": did you mean {}?", similar.display())
         });
-        Self::Input(format!("cannot read {}: {error}{meant}", path.display()))
+        Self::Input(format!("cannot read {}: {error}{question}", path.display()))
     }
 
     pub fn unwritable(path: &Path, error: &io::Error) -> Self {
@@ -183,8 +182,8 @@ fn similar_file(path: &Path) -> Option<PathBuf> {
     let names: Vec<String> = files
         .filter_map(|entry| entry.file_name().into_string().ok())
         .collect();
-    let meant = nearest(path.file_name()?.to_str()?, names.iter().map(String::as_str))?;
-    Some(folder.join(meant))
+    let similar = nearest(path.file_name()?.to_str()?, names.iter().map(String::as_str))?;
+    Some(folder.join(similar))
 }
 
 impl From<ReportError> for CliError {
@@ -321,24 +320,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mistyped_file_is_told_with_the_similar_one() {
+    fn a_missing_file_suggests_a_similar_one() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["quick.toml", "two-sensor.toml"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
         fs::create_dir(folder.path().join("quik")).unwrap();
-        let message = |name: &str, kind: io::ErrorKind| {
+        let unreadable = |name: &str, kind: io::ErrorKind| {
             CliError::unreadable(&folder.path().join(name), &kind.into()).to_string()
         };
-        let meant = format!(": did you mean {}?", folder.path().join("quick.toml").display());
-        let told = message("quik.toml", io::ErrorKind::NotFound);
-        assert!(told.ends_with(&meant), "{told}");
-        for told in [
-            message("elsewhere.csv", io::ErrorKind::NotFound),
-            message("nowhere/quick.toml", io::ErrorKind::NotFound),
-            message("quik.toml", io::ErrorKind::PermissionDenied),
+        let similar = format!(": did you mean {}?", folder.path().join("quick.toml").display());
+        let message = unreadable("quik.toml", io::ErrorKind::NotFound);
+        assert!(message.ends_with(&similar), "{message}");
+        for message in [
+            unreadable("elsewhere.csv", io::ErrorKind::NotFound),
+            unreadable("nowhere/quick.toml", io::ErrorKind::NotFound),
+            unreadable("quik.toml", io::ErrorKind::PermissionDenied),
         ] {
-            assert!(!told.contains("did you mean"), "{told}");
+            assert!(!message.contains("did you mean"), "{message}");
         }
     }
 }

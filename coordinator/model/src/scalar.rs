@@ -21,7 +21,8 @@ pub enum Scalar {
     Loss,
     /// Accuracy on held-out triplets after the last epoch of the last training, from 0 to 1.
     Accuracy,
-    /// Time from the creation of the campaign to its end, or until now, milliseconds.
+    /// Time from the creation of the campaign until it ended or was paused, or until now if it is running, milliseconds. A campaign
+    /// that was imported has none until it runs.
     Duration,
 }
 

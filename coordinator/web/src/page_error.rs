@@ -230,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_form_that_is_too_long_is_told_the_limit() {
+    fn an_error_about_a_long_form_names_the_limit() {
         let told = PageError::Unread(StatusCode::PAYLOAD_TOO_LARGE).to_string();
         assert!(told.ends_with("the limit is 2,097,152 bytes, encoded"), "{told}");
         let told = PageError::Unread(StatusCode::UNSUPPORTED_MEDIA_TYPE).to_string();

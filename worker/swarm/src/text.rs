@@ -108,8 +108,8 @@ pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let len = word.chars().count();
-    // Words whose lengths differ more are not similar enough: only 2 of the 5 parts of the longer one can be alike. The comparison
-    // of a long word would take long.
+    // Jaro is at most (2 + shorter / longer) / 3, so it exceeds 0.8 only above two fifths. The comparison of a long word would take
+    // long.
     let comparable = known.into_iter().filter(|known| {
         let other = known.chars().count();
         len.min(other) * 5 > len.max(other) * 2
