@@ -131,7 +131,7 @@ impl GeneSpace {
     }
 
     /// The values one step below and one step above `value`, without `value` itself. Speeds, and angles in a range, have
-    /// [`STEPS`] steps in their range; the step beyond an end of the range goes to this end. Of a list of angles, and of ratios,
+    /// `STEPS` steps in their range; the step beyond an end of the range goes to this end. Of a list of angles, and of ratios,
     /// the neighbours are one step away.
     #[must_use]
     pub fn beside(&self, value: f64) -> Vec<f64> {
