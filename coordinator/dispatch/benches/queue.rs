@@ -125,6 +125,7 @@ impl Cluster {
             embeds: false,
             speculative: true,
             after: None,
+            is_shown: false,
         };
         cluster.timed(|table, _| table.submit(params));
         cluster

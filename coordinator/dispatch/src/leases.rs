@@ -107,7 +107,13 @@ pub struct JobParams {
     pub speculative: bool,
     /// An earlier job whose tasks are leased first; both jobs have one turn.
     pub after: Option<JobId>,
+    /// Whether the results are only shown to a person. All such jobs share one turn, and pay [`SHOWN_CHARGE`] times their cost.
+    pub is_shown: bool,
 }
+
+/// Factor of the cost of jobs whose results are only shown, so that all guests together take about a tenth of the workers from a
+/// running campaign: the judge, which such jobs also ask, adds to their time and not to their cost.
+const SHOWN_CHARGE: u64 = 8;
 
 /// A batch that was just leased; the caller sends it to the worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -233,6 +239,8 @@ pub struct LeaseTable<R> {
     events: Vec<Event<R>>,
     /// Cost of the leased tasks of the job that was served last. New jobs begin with it, so that they get no head start.
     served: u64,
+    /// The cost of the leased tasks of all jobs whose results are only shown, as [`Job::served`] of one job.
+    shown: u64,
     /// How long a disputed task, or a task that a single machine reports as impossible, waits for another machine.
     dispute_timeout: Duration,
     /// Usual time between a lease and its result.
@@ -264,6 +272,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             quarantined: BTreeSet::new(),
             events: Vec::new(),
             served: 0,
+            shown: 0,
             turnaround: None,
             looked_at_audits: None,
             next: 0,
@@ -272,6 +281,9 @@ impl<R: Agree + Clone> LeaseTable<R> {
 
     pub fn submit(&mut self, params: JobParams) -> JobId {
         let id = JobId(self.fresh_number());
+        if params.is_shown && !self.jobs.values().any(|job| job.is_shown) {
+            self.shown = self.shown.max(self.served);
+        }
         let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));
         let job = Job {
             tasks: tasks.collect(),
@@ -283,6 +295,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             speculative: params.speculative,
             embeds: params.embeds,
             after: params.after,
+            is_shown: params.is_shown,
             is_audits: false,
             late_since: None,
             asked: BTreeMap::new(),

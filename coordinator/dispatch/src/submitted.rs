@@ -137,6 +137,7 @@ impl<W: Work> AnyJob for Submitted<W> {
             embeds: self.work.embeds(),
             speculative: self.work.is_speculative(),
             after: None,
+            is_shown: self.work.is_shown(),
         }
     }
 

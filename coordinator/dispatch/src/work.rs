@@ -61,6 +61,11 @@ pub(super) trait Work: Debug + Send + 'static {
         true
     }
 
+    /// Whether the results are only shown to a person who looks at a page.
+    fn is_shown(&self) -> bool {
+        false
+    }
+
     /// Whether only workers that embed can do the work.
     fn embeds(&self) -> bool {
         false
@@ -168,6 +173,10 @@ impl Work for EvaluationJob {
 
     fn is_audited(&self) -> bool {
         self.submitter.is_some()
+    }
+
+    fn is_shown(&self) -> bool {
+        self.submitter.is_none()
     }
 
     fn only(&self, places: &[usize]) -> Option<Self> {

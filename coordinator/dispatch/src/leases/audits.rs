@@ -61,6 +61,7 @@ impl<R: Agree + Clone> LeaseTable<R> {
             speculative: job.speculative,
             embeds: job.embeds,
             after: None,
+            is_shown: job.is_shown,
             is_audits: true,
             late_since: None,
             asked: asked.collect(),

@@ -24,6 +24,8 @@ pub(super) struct Job<R> {
     pub(super) embeds: bool,
     /// An earlier job with which the job shares its turns.
     pub(super) after: Option<JobId>,
+    /// Whether the results are only shown, so that the job shares the turn of all such jobs.
+    pub(super) is_shown: bool,
     /// Whether the job is the rest of another job: audits that the other job did not wait for.
     pub(super) is_audits: bool,
     /// Time since which some audit of the job waits for machines that are late or away.

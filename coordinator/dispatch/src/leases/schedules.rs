@@ -122,6 +122,7 @@ impl SimulatedCluster {
             embeds,
             speculative: !self.chance(4),
             after: None,
+            is_shown: false,
         };
         let job = self.table.submit(params);
         let submitted = Submitted {

@@ -55,6 +55,7 @@ fn params(tasks: usize) -> JobParams {
         embeds: false,
         speculative: true,
         after: None,
+        is_shown: false,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{
     AT_ONCE, Agree, Back, Event, Grant, HOPELESS_AFTER, JobId, LATE, LONGEST_PATIENCE, Lease, LeaseNumber,
-    LeaseTable, MAX_BATCH, SPECULATION_DELAY, WorkerId, job::Job, workers::Worker,
+    LeaseTable, MAX_BATCH, SHOWN_CHARGE, SPECULATION_DELAY, WorkerId, job::Job, workers::Worker,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -105,9 +105,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
             }
         }
         self.served = self.served.max(job.served);
-        job.served = job
-            .served
-            .saturating_add(job.cost.saturating_mul(choice.tasks.len() as u64));
+        let cost = job.cost.saturating_mul(choice.tasks.len() as u64);
+        match job.is_shown {
+            true => self.shown = served.saturating_add(cost.saturating_mul(SHOWN_CHARGE)),
+            false => job.served = served.saturating_add(cost),
+        }
         let lease = LeaseNumber(self.next);
         self.next += 1;
         self.workers.owe(choice.worker, lease, now);
@@ -135,8 +137,11 @@ impl<R: Agree + Clone> LeaseTable<R> {
     }
 
     /// Cost of a job's leased tasks, but at least that of an earlier job with which the job shares its turns. The earlier job is
-    /// then always the first of the two.
+    /// then always the first of the two. Jobs whose results are only shown have one cost together.
     fn served_with_earlier(&self, job: &Job<R>) -> u64 {
+        if job.is_shown {
+            return self.shown;
+        }
         let earlier = job.after.and_then(|earlier| self.jobs.get(&earlier));
         earlier.map_or(job.served, |earlier| job.served.max(earlier.served))
     }

@@ -45,6 +45,30 @@ fn jobs_share_the_workers_by_cost() {
 }
 
 #[test]
+fn jobs_that_are_only_shown_have_a_small_share_together() {
+    let (mut table, [worker]) = workers([1_000_000]);
+    let shown = || JobParams {
+        is_shown: true,
+        ..params(20)
+    };
+    let own = table.submit(params(20_000));
+    let mut guests: Vec<JobId> = (0..18).map(|_| table.submit(shown())).collect();
+    let mut had = [0, 0];
+    while had[0] < 10_000 {
+        let grant = table.grant(now()).unwrap();
+        had[usize::from(grant.job != own)] += grant.tasks.len();
+        table
+            .complete(worker, grant.lease, answers(&grant), now())
+            .unwrap();
+        // Whoever got an answer asks again at once.
+        if grant.job != own && guests.len() < 1000 {
+            guests.push(table.submit(shown()));
+        }
+    }
+    assert!(had[1] > 0 && 8 * had[1] < 12 * had[0] / 10, "{had:?}");
+}
+
+#[test]
 fn a_job_after_another_waits_for_it_and_both_have_one_turn() {
     let (mut table, [worker]) = workers([1_000_000]);
     let first = table.submit(params(1000));
