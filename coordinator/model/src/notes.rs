@@ -37,6 +37,8 @@ pub struct NotesChange {
     pub remove: BTreeSet<Tag>,
     /// The new note; `None` keeps the note.
     pub note: Option<Note>,
+    /// The note that the new note replaces; `None` replaces any note.
+    pub former_note: Option<Note>,
 }
 
 impl Tag {
@@ -155,8 +157,15 @@ impl CampaignNotes {
     /// The tags and the note after a change. A tag that the change both adds and removes is added.
     ///
     /// # Errors
-    /// If the campaign would have too many tags.
+    /// If the campaign would have too many tags, or if the note is no longer the one that the change replaces.
     pub fn after(&self, change: NotesChange) -> Result<Self, Invalid> {
+        if let (Some(note), Some(former)) = (&change.note, &change.former_note)
+            && ![note, former].contains(&&self.note)
+        {
+            let now = quoted(self.note.as_str());
+            let allowed = format!("joined with the note that somebody has written since: {now}");
+            return Err(Invalid::new("note", quoted(note.as_str()), allowed));
+        }
         let kept = self
             .tags
             .iter()
@@ -179,6 +188,7 @@ impl TryFrom<v1::NoteCampaignRequest> for NotesChange {
             add: tags(message.add_tags)?,
             remove: tags(message.remove_tags)?,
             note: message.note.map(|note| note.parse()).transpose()?,
+            former_note: None,
         })
     }
 }

@@ -10,6 +10,9 @@ use murmuration_model::{CampaignRecord, Note, NotesChange, Tag, Tags};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 
+/// The characters of tags, and those between them, as browsers check them before they send the form.
+const PATTERN: &str = r"[\p{L}\p{N}\-_.:,\s]*";
+
 /// Links to the lists of campaigns with these tags, which are otherwise as `wanted`.
 pub(super) fn chips(tags: &Tags, wanted: &Wanted) -> Markup {
     let list = |tag: &Tag| {
@@ -39,7 +42,8 @@ pub(super) fn section(record: &CampaignRecord) -> Markup {
                     input type="hidden" name="former" value=(notes.tags);
                     input type="hidden" name="former_note" value=(notes.note.as_str());
                     label for="tags" { "Tags" }
-                    input #tags name="tags" value=(notes.tags) autocomplete="off" spellcheck="false" aria-describedby="tags-hint";
+                    input #tags name="tags" value=(notes.tags) pattern=(PATTERN) autocomplete="off" spellcheck="false" aria-describedby="tags-hint"
+                        title="Letters, digits, and the characters - _ . : within a word";
                     p.reason #tags-hint { "At most " (Tags::MOST) " words of at most " (Tag::MOST) " characters, with spaces between them." }
                     label for="note" { "Note" }
                     textarea #note name="note" rows="4" maxlength=(Note::MOST) { (notes.note.as_str()) }
@@ -74,6 +78,7 @@ impl TryFrom<Noted> for NotesChange {
             add: &wanted - &former,
             remove: &former - &wanted,
             note: (note != former_note).then_some(note),
+            former_note: Some(former_note),
         })
     }
 }
