@@ -18,7 +18,7 @@ const CAPTION: f64 = 2.0 * LINE + 6.0;
 /// Space between two behaviours, and around the block of all behaviours.
 const GAP: f64 = 14.0;
 /// Maximum number of characters of a name in a caption, after the number.
-const MOST_OF_NAME: usize = 24;
+const MOST_OF_NAME: usize = 20;
 /// Maximum number of behaviours in a row.
 const MOST_ABREAST: usize = 8;
 

@@ -108,15 +108,19 @@ pub fn answer(shown: &[Shown], judged: &Judged) -> Markup {
     }
 }
 
-/// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, and the number of further
-/// kinds of behaviour that the judge names. Nearly equal names of annotators count as one name. The judge makes mistakes, so the
+/// Summary in sentences: a lower bound on the number of distinct behaviours that annotators named, the number of further kinds of
+/// behaviour that the judge names on cards, and the number of those that only its sample of the archive has. Nearly equal names of annotators count as one name. The judge makes mistakes, so the
 /// number of its names is no lower bound.
 fn found(shown: &[Shown], judged: &Judged) -> Vec<(String, String)> {
     let (places, _) = distinct(shown);
     // Groups of annotators' names that are nearly equal.
     let mut named: Vec<Vec<&str>> = Vec::new();
     let near = |named: &[Vec<&str>], name: &str| {
-        let is_near = |other: &&str| ClassKey::from(*other).is_near(&ClassKey::from(name));
+        let key = ClassKey::from(name);
+        let is_near = |other: &&str| {
+            let other = ClassKey::from(*other);
+            other == key || other.is_near(&key)
+        };
         named.iter().position(|group| group.iter().any(is_near))
     };
     for &place in &places {
@@ -127,33 +131,47 @@ fn found(shown: &[Shown], judged: &Judged) -> Vec<(String, String)> {
             }
         }
     }
-    let on_cards = places.iter().filter_map(|&place| match &shown[place] {
-        Shown::Judged(name) => Some(name.clone()),
-        _ => None,
-    });
-    let judged = judged.kinds(on_cards).into_iter();
-    let judged = judged.filter(|(name, _)| near(&named, name).is_none());
-    let judged: Vec<String> = judged
-        .map(|(name, share)| match share {
-            Some(share) => format!("{name} ({share:.0}\u{a0}%)"),
-            None => name,
+    let on_cards: Vec<&String> = places
+        .iter()
+        .filter_map(|&place| match &shown[place] {
+            Shown::Judged(name) => Some(name),
+            _ => None,
         })
         .collect();
+    let judged = judged
+        .kinds(on_cards.iter().map(|name| (*name).clone()))
+        .into_iter();
+    let judged = judged.filter(|(name, _)| near(&named, name).is_none());
+    let (on_cards, elsewhere): (Vec<_>, Vec<_>) = judged.partition(|(name, _)| on_cards.contains(&name));
+    let listed = |kinds: &[(String, Option<f64>)]| {
+        let listed = kinds.iter().map(|(name, share)| match share {
+            Some(share) => format!("{name} ({share:.0}\u{a0}%)"),
+            None => name.clone(),
+        });
+        listed.collect::<Vec<_>>().join(", ")
+    };
     let more = if named.is_empty() { "" } else { " more" };
     let named = (!named.is_empty()).then(|| {
         let count = counted(named.len() as u64, "distinct behaviour");
         let names: Vec<String> = named.iter().map(|near| near.join(" or ")).collect();
         (format!("At least {count}"), names.join(", "))
     });
-    let judged = (!judged.is_empty()).then(|| {
-        let count = judged.len();
+    let judged = (!on_cards.is_empty()).then(|| {
+        let count = on_cards.len();
         let kinds = noun(count as u64, "kind");
         (
             format!("The rule-based judge names {count}{more} {kinds} of behaviour"),
-            judged.join(", "),
+            listed(&on_cards),
         )
     });
-    named.into_iter().chain(judged).collect()
+    let elsewhere = (!elsewhere.is_empty()).then(|| {
+        let kinds = counted(elsewhere.len() as u64, "kind");
+        (
+            format!("The judge finds {kinds} that no card shows"),
+            listed(&elsewhere),
+        )
+    });
+    named.into_iter().chain(judged).chain(elsewhere).collect()
 }
 
 impl Report {
@@ -263,12 +281,22 @@ mod tests {
         let found = found(&shown, &judged);
         assert_eq!(
             found,
-            [(
-                "The rule-based judge names 2 kinds of behaviour".to_owned(),
-                "dispersal (25\u{a0}%), milling (10\u{a0}%)".to_owned()
-            )]
+            [
+                (
+                    "The rule-based judge names 1 kind of behaviour",
+                    "milling (10\u{a0}%)"
+                ),
+                (
+                    "The judge finds 1 kind that no card shows",
+                    "dispersal (25\u{a0}%)"
+                ),
+            ]
+            .map(|(count, names)| (count.to_owned(), names.to_owned()))
         );
         assert_eq!(folded(&shown, &[1, 2]), "2 more: 1 random, 1 mixed");
+        // What an annotator has named is not counted as the judge's find again.
+        let named = [Shown::Named("dispersal".to_owned())];
+        assert_eq!(super::found(&named, &judged).len(), 2);
     }
 
     #[test]

@@ -66,7 +66,9 @@ impl Example {
             grouped(CampaignSpec::BEGUN_EVALUATIONS.into())
         );
         match self {
-            Self::Like => format!("{search}, whose first generation begins around this controller"),
+            Self::Like => format!(
+                "{search}, whose first generation begins around this controller, and whose mutations are small"
+            ),
             Self::Unlike => format!(
                 "{search}, whose first generation begins with {} individuals of this archive: from the quarter that is farthest from \
                  this behaviour, those farthest from each other",

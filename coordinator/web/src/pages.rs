@@ -13,6 +13,7 @@ use super::{
     stages::{progress, stage_left, whole_left},
     taxonomy::{
         card::{Card, brief},
+        folding,
         shown_version::ShownVersion,
     },
     visitor::Visitor,
@@ -329,7 +330,8 @@ async fn behaviours(web: &Web, record: &CampaignRecord) -> Result<Markup, PageEr
     let Some(shown) = &ShownVersion::current(web, record).await? else {
         return Ok(Markup::default());
     };
-    let (distinct, others) = shown.folding(record);
+    let (distinct, others) = folding(record, shown);
+    let others = others.concat();
     let taxonomy = format!("/campaigns/{}/taxonomy", record.id);
     Ok(html! {
         h2 { (counted(shown.taxonomy.medoids.len() as u64, "cluster")) " of behaviours" }
@@ -338,7 +340,16 @@ async fn behaviours(web: &Web, record: &CampaignRecord) -> Result<Markup, PageEr
             "Each picture shows the last steps of a swarm that stands for a cluster. "
             a href=(taxonomy) { "Watch and name the behaviours" }
         }
-        ul.medoids { @for place in distinct { li { (brief(&Card { record, shown, place })) } } }
+        ul.medoids {
+            @for group in &distinct {
+                @if let [place, more @ ..] = group.as_slice() {
+                    li {
+                        (brief(&Card { record, shown, place: *place }))
+                        @if !more.is_empty() { p.reason { "and " (counted(more.len() as u64, "more cluster")) " with this name" } }
+                    }
+                }
+            }
+        }
         @if !others.is_empty() { p.reason { a href=(taxonomy) { (shown.folded(&others)) } } }
     })
 }

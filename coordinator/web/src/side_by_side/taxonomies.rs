@@ -259,7 +259,7 @@ fn pictures(
 ) -> Markup {
     html! {
         @if let Some(shown) = shown {
-            @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "none of this class" } } }
+            @if members.is_empty() { span.reason { @if is_by_distance { "not found" } @else { "on none of its cards" } } }
             ul.found { @for &member in members { li { (brief(&Card { record, shown, place: all[member].place })) } } }
         }
     }

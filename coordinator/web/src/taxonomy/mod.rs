@@ -154,7 +154,7 @@ fn behaviours(record: &CampaignRecord, shown: &ShownVersion, individuals: &[usiz
 }
 
 /// The groups of clusters with the same name that the page shows first, and the other groups, which it folds.
-fn folding(record: &CampaignRecord, shown: &ShownVersion) -> (Groups, Groups) {
+pub(super) fn folding(record: &CampaignRecord, shown: &ShownVersion) -> (Groups, Groups) {
     let (first, _) = shown.folding(record);
     alike::groups(shown)
         .into_iter()
@@ -162,7 +162,7 @@ fn folding(record: &CampaignRecord, shown: &ShownVersion) -> (Groups, Groups) {
 }
 
 /// Clusters with the same name, by their places.
-type Groups = Vec<Vec<usize>>;
+pub(super) type Groups = Vec<Vec<usize>>;
 
 fn groups(record: &CampaignRecord, shown: &ShownVersion, groups: &[Vec<usize>]) -> Markup {
     html! {
