@@ -67,7 +67,7 @@ impl Example {
         );
         match self {
             Self::Like => format!(
-                "{search}, whose first generation begins around this controller, and whose mutations are small"
+                "{search}, whose first generation begins around this controller. Novelty search moves on from there: a sweep shows what is near"
             ),
             Self::Unlike => format!(
                 "{search}, whose first generation begins with {} individuals of this archive: from the quarter that is farthest from \

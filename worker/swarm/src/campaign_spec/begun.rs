@@ -15,9 +15,6 @@ const GENERATIONS: u32 = 30;
 /// with few enough controllers counts.
 const CHANGED: [usize; 2] = [2, 1];
 
-/// Largest mutation of a gene in a search around a controller, a quarter of the usual one. Signs do not flip either.
-const NEAR_STEP: f64 = 0.1;
-
 /// What a campaign that begins with given controllers has besides them.
 #[derive(Debug, Clone, Copy)]
 pub struct Begun<'a> {
@@ -42,22 +39,12 @@ impl CampaignSpec {
     }
 
     /// A small campaign with hand-crafted features, for the robots of `controller`. Half of the first generation is `controller`
-    /// and controllers near it, and mutations are small (a quarter of the usual ones), so that the search stays longer near it.
+    /// and controllers near it.
     ///
     /// # Errors
     /// If the name or the seed is not allowed, the robots do not fit the world, or the search does not fit in memory.
     pub fn begun_around(controller: &Controller, begun: Begun<'_>) -> Result<Self, Invalid> {
-        let search = v1::Search {
-            mutation_step: Some(NEAR_STEP),
-            sign_flip: Some(0.0),
-            ..search()
-        };
-        small(
-            controller.model(),
-            &around(controller, begun.seed)?,
-            begun,
-            search,
-        )
+        Self::begun_with(controller.model(), &around(controller, begun.seed)?, begun)
     }
 
     /// A small campaign with hand-crafted features, whose first generation begins with `controllers`.
@@ -69,7 +56,12 @@ impl CampaignSpec {
         controllers: &[Controller],
         begun: Begun<'_>,
     ) -> Result<Self, Invalid> {
-        small(model, controllers, begun, search())
+        let search = v1::Search {
+            population: Some(POPULATION),
+            generations: Some(GENERATIONS),
+            ..v1::Search::default()
+        };
+        small(model, controllers, begun, search)
     }
 
     /// A campaign of one generation with hand-crafted features: `controller`, and all controllers within a step of it
@@ -96,14 +88,6 @@ impl CampaignSpec {
         let is_whole = initial.len() == self.search.population() as usize;
         let is_sweep = is_whole && within_a_step(centre).is_ok_and(|sweep| sweep == initial);
         is_sweep.then_some(centre)
-    }
-}
-
-fn search() -> v1::Search {
-    v1::Search {
-        population: Some(POPULATION),
-        generations: Some(GENERATIONS),
-        ..v1::Search::default()
     }
 }
 
