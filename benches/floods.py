@@ -21,6 +21,7 @@ if a figure is over its limit.
 import argparse
 import contextlib
 import http.client
+import itertools
 import json
 import multiprocessing
 import os
@@ -50,7 +51,7 @@ generations = {generations}
 [taxonomy]
 medoids = 2
 """
-FLOODS = ("archives", "labels", "digests", "lists", "reports", "watchers", "play", "agreement", "polling", "all", "answers", "single")
+FLOODS = ("archives", "labels", "digests", "lists", "reports", "watchers", "play", "starts", "agreement", "polling", "all", "answers", "single")
 # Number of annotators, which is the number of label log entries for each individual.
 ANNOTATORS = 5
 LIMITS = {"list": 500, "pause": 500, "memory": 256, "refused": 0, "end": 5}
@@ -160,6 +161,9 @@ def flood(kind, address, token, ended):
     if kind in ("play", "all"):
         form = "robots=1000&seed={}&from=1000000"
         again(ended, 8, lambda number: page(address, token, "/play/motion", form.format(number)))
+    if kind in ("starts", "all"):
+        index = itertools.count()
+        again(ended, 8, lambda _: page(address, token, f"/campaigns/filled-1/individuals/{next(index)}/starts"))
     ended.wait()
     os._exit(0)
 
