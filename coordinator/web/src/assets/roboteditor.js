@@ -62,7 +62,10 @@ class Editor {
   async read() {
     const asked = this.text.value;
     const own = this.text.defaultValue;
-    this.own ??= await this.ask(own);
+    if (!this.own) {
+      const described = await this.ask(own);
+      this.own = described && copied(described);
+    }
     const described = asked === own ? this.own : await this.ask(asked);
     if (asked !== this.text.value || !this.own || !described) return;
     this.known = asked;
