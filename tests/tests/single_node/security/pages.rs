@@ -245,8 +245,8 @@ async fn what_is_behind_the_log_in_is_kept_by_the_browser_alone() {
             .replace("{place}", "0")
             .replace("{name}", "style.css");
         let kept = match path.as_str() {
-            // This address returns an HTML page, not a picture.
-            path if path.ends_with("/starts") => "no-store",
+            // These addresses return HTML pages, not pictures.
+            path if path.ends_with("/starts") || path.ends_with("/search") => "no-store",
             path if path.starts_with(picture) => "private, no-cache",
             // The style sheet is available without a log-in.
             "/assets/style.css" => "no-cache",
