@@ -276,7 +276,7 @@ mod tests {
             "line 2: the row has 2 cells, the header 7 columns",
         );
         check_refused(&format!("{HEAD}1,,,,,,\n"), "no row has a class");
-        check_refused("", "no column \"index\"");
+        check_refused("", "the file is empty; its first line must name its columns");
         assert!(
             LabelledSet::read("/nowhere.csv")
                 .unwrap_err()

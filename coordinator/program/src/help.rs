@@ -32,7 +32,7 @@ pub(crate) fn overview() -> String {
             .flat_map(Command::get_subcommands)
             .map(Command::get_name),
     );
-    let mut text = "{about}\n{usage-heading} {usage}\n\n".to_owned();
+    let mut text = "{about}\n{usage-heading} {usage}\n".to_owned();
     for group in &groups {
         let mut heading = group.get_name();
         for command in group.get_subcommands().filter(|command| !command.is_hide_set()) {
