@@ -20,7 +20,7 @@ contains them.
 
 Examples:
   murmuration note latest --tag baseline --tag paper
-  murmuration note two-sensor-3 --untag paper --text 'Repeat with more noise'
+  murmuration note latest --untag paper --text 'Repeat with more noise'
   murmuration list --tag baseline"
 )]
 pub struct NoteCommand {
