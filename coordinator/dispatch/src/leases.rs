@@ -107,7 +107,7 @@ pub struct JobParams {
     pub speculative: bool,
     /// An earlier job whose tasks are leased first; both jobs have one turn.
     pub after: Option<JobId>,
-    /// Whether the results are only shown to a person. All such jobs share one turn, and pay [`SHOWN_CHARGE`] times their cost.
+    /// Whether the results are only shown to a person. All such jobs share one turn, and pay eight times their cost.
     pub is_shown: bool,
 }
 

@@ -94,7 +94,7 @@ pub fn heading(number: usize, name: Option<&CardName>, colour: Option<&str>) -> 
     }
 }
 
-/// The line below the heading: the share of the cluster in the archive, and its [`quality`].
+/// The line below the heading: the share of the cluster in the archive, its purity and the robustness of its medoid.
 pub fn measures(share: &str, purity: Option<Purity>, robust: Option<(usize, usize)>) -> Markup {
     html! { strong { (share) } " cluster" (quality(purity, robust)) }
 }

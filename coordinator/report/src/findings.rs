@@ -55,7 +55,7 @@ impl Shown {
 }
 
 /// Positions of the cards that a page of a campaign shows first, and positions of those that it folds beneath them: the
-/// [`distinct`] ones and the others. No card is folded if none is distinct, or if there are several species: the judge knows only
+/// distinct ones and the others. No card is folded if none is distinct, or if there are several species: the judge knows only
 /// a few patterns of two species, so its names do not show which behaviours are of one kind.
 pub fn folding(shown: &[Shown], spec: &CampaignSpec) -> (Vec<usize>, Vec<usize>) {
     let (distinct, others) = distinct(shown);
