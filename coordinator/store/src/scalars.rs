@@ -65,12 +65,16 @@ impl Store {
         })
     }
 
-    /// For each of these campaigns, the values of `scalars`, in order. Campaigns that do not exist are skipped.
+    /// For each of these campaigns, the values of `scalars`, in order. Campaigns that do not exist are skipped,
+    /// and so are all campaigns if no scalar is asked for.
     pub fn scalars(
         &self,
         campaigns: &[CampaignId],
         scalars: &[Scalar],
     ) -> Result<HashMap<CampaignId, Vec<Option<f64>>>, StoreError> {
+        if scalars.is_empty() {
+            return Ok(HashMap::new());
+        }
         self.read(|connection| {
             let mut statement = connection.prepare(&format!("{} AND c.id = ?2", select(scalars)))?;
             let mut values = HashMap::new();
