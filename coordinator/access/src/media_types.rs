@@ -13,7 +13,8 @@ struct Range<'a> {
 
 /// The media type among `offered` that the client prefers. Among types that the client prefers equally, this is a type that it
 /// names, or else the first one. Without the header, or if the client accepts none of the types, this is the first one too:
-/// a response of another type helps more than an error 406. Parameters of media types other than the quality are ignored.
+/// a response of another type helps more than an error 406. Parameters of media types other than the quality are ignored: those that
+/// Prometheus sends differ from version to version, and the crate headers-accept would require them.
 #[must_use]
 pub fn preferred<'a>(headers: &HeaderMap, offered: &[&'a str]) -> &'a str {
     let headers = headers.get_all(ACCEPT).iter();

@@ -231,7 +231,8 @@ async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     connection::with(global, InProcess::NONE, list).await
 }
 
-/// Prints the campaigns as a table, with a column of tags if any campaign has one. Without `studies`, the table lacks the campaigns of studies, and their number follows it.
+/// Prints the campaigns as a table, with a column of tags if any campaign has one. Without `studies`, the table lacks the campaigns
+/// of studies, and their number follows it.
 fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
     let mut folded: BTreeMap<String, u64> = BTreeMap::new();
     let has_tags = campaigns.iter().any(|campaign| !campaign.tags.is_empty());

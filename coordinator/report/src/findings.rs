@@ -294,7 +294,7 @@ mod tests {
             .map(|(count, names)| (count.to_owned(), names.to_owned()))
         );
         assert_eq!(folded(&shown, &[1, 2]), "2 more: 1 random, 1 mixed");
-        // What an annotator has named is not counted as the judge's find again.
+        // A kind that an annotator has named does not count again as a find of the judge.
         let named = [Shown::Named("dispersal".to_owned())];
         assert_eq!(super::found(&named, &judged).len(), 2);
     }

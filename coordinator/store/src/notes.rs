@@ -14,7 +14,7 @@ pub enum NotesError {
     /// The store could not be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The campaign would have too many tags.
+    /// The campaign would have too many tags, or its note has changed since the request was made.
     #[error(transparent)]
     Invalid(#[from] Invalid),
 }

@@ -20,7 +20,7 @@ use serde::Deserialize;
 /// The field of a form that has the [`Example`] of the pressed button.
 pub(super) const FIELD: &str = "example";
 
-/// What a campaign takes from its example.
+/// The relation of a campaign to its example.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Example {
@@ -59,7 +59,7 @@ impl Example {
         }
     }
 
-    /// What the button does.
+    /// Explanation of the button, which a pointer shows.
     pub(super) fn title(self) -> String {
         let search = format!(
             "Starts a campaign of {} evaluations, on hand-crafted features",

@@ -15,7 +15,7 @@ const GENERATIONS: u32 = 30;
 /// with few enough controllers counts.
 const CHANGED: [usize; 2] = [2, 1];
 
-/// What a campaign that begins with given controllers has besides them.
+/// The name, the world and the seed of a campaign that begins with given controllers.
 #[derive(Debug, Clone, Copy)]
 pub struct Begun<'a> {
     /// The campaign's name.
